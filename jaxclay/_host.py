@@ -1,0 +1,87 @@
+"""How the public functions meet JAX: pytree dataclasses, and float64 on the host.
+
+Called from the host, jaxclay computes in float64 whatever JAX's global flag
+says and returns NumPy arrays.  Inside ``jit``, ``grad``, ``vmap`` or ``scan``
+the caller owns the flag, so there it must be on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+T = TypeVar("T")
+
+
+def pytree(cls: type[T]) -> type[T]:
+    """Register a frozen dataclass as a pytree whose fields are all leaves or subtrees.
+
+    Unflattening skips ``__init__``, so that validation runs once, on the host,
+    and never on tracers or on the placeholders that JAX puts into trees.
+    Fields marked ``metadata={"static": True}`` belong to the tree's structure.
+    """
+    fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+    static = [f.name for f in fields if f.metadata.get("static")]
+    data = [f.name for f in fields if not f.metadata.get("static")]
+
+    def flatten_with_keys(obj):
+        children = [(jax.tree_util.GetAttrKey(name), getattr(obj, name)) for name in data]
+        return children, tuple(getattr(obj, name) for name in static)
+
+    def unflatten(aux, children):
+        obj = object.__new__(cls)
+        for name, value in [*zip(static, aux, strict=True), *zip(data, children, strict=True)]:
+            object.__setattr__(obj, name, value)
+        return obj
+
+    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten)
+    return cls
+
+
+def is_concrete(*trees: Any) -> bool:
+    """Whether no leaf is a tracer, so that values can be looked at."""
+    return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
+
+
+def is_transformed(*trees: Any) -> bool:
+    """Whether this call happens inside a JAX transformation."""
+    return not is_concrete(*trees) or isinstance(jnp.zeros(()), jax.core.Tracer)
+
+
+def as_float64(tree: T) -> T:
+    """Every floating leaf as NumPy float64 (strong type: one compilation serves all values)."""
+
+    def convert(leaf):
+        array = np.asarray(leaf)
+        return array.astype(np.float64) if array.dtype.kind in "fiu" else array
+
+    return jax.tree.map(convert, tree)
+
+
+def in_float64(name: str, compiled: Callable[..., T], *args: Any) -> T:
+    """Call ``compiled(*args)`` in float64.
+
+    On the host the result comes back as NumPy arrays.  Inside a transformation
+    it stays traced.
+
+    Raises
+    ------
+    TypeError
+        Inside a transformation while JAX's 64-bit flag is off.
+    """
+    if is_transformed(*args):
+        if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+            raise TypeError(
+                f"jaxclay.{name} was called inside jit, grad, vmap or scan while JAX computes in "
+                "float32, which cannot resolve a contour. Switch float64 on first: "
+                'jax.config.update("jax_enable_x64", True), or wrap the outermost call in '
+                "`with jax.enable_x64(True):`."
+            )
+        return compiled(*args)
+    with jax.enable_x64(True):
+        return jax.tree.map(np.asarray, compiled(*as_float64(args)))

@@ -1,0 +1,196 @@
+"""Which clay the tool's band holds: eqs. 10, 11, and for a band above the bottom.
+
+The band [bottom, top] of radius x0 holds the volume fraction
+w = (x0 / r0)^2 (top - bottom).  With bottom = 0 it is the material [0, w].
+Above, the paper solves both sides "independently" and does not say which
+material [ua, ua + w] it is; here the one that needs the least E_move on both
+sides together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay.clay import Array, Material
+from jaxclay.side import Side, edge_tension, move_energy, solve_sides
+
+_ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
+_BISECTIONS = 40
+_SCANNED_AT_ONCE = 256
+
+
+class Rest(NamedTuple):
+    """The shape before the squash, lengths over the unit l.
+
+    Attributes
+    ----------
+    thickness : (n,) array
+    heights : (n+1,) array
+    r0 : scalar
+    """
+
+    thickness: Array
+    heights: Array
+    r0: Array
+
+    @property
+    def slices(self) -> int:
+        return self.thickness.shape[0]
+
+    def material_at(self, height: Array) -> Array:
+        """U0, the inverse of Y0."""
+        return jnp.interp(height, self.heights, self.nodes())
+
+    def height_at(self, material: Array) -> Array:
+        """Y0(u)."""
+        return jnp.interp(material, self.nodes(), self.heights)
+
+    def slope_at(self, material: Array) -> Array:
+        """Y0_u of the slice that holds u."""
+        i = jnp.clip(jnp.floor(material * self.slices).astype(int), 0, self.slices - 1)
+        return self.thickness[i] * self.slices
+
+    def nodes(self) -> Array:
+        """(n+1,) u_i = i h."""
+        return jnp.arange(self.slices + 1) / self.slices
+
+
+class Tool(NamedTuple):
+    """The squash, lengths over the unit l."""
+
+    bottom: Array
+    top: Array
+    radius: Array
+    top_fixed: Array
+
+
+class Band(NamedTuple):
+    """The material [lower, upper] that ends between the heights bottom and top.
+
+    ``feasible`` is False where a held end leaves less room than the floor needs.
+    """
+
+    lower: Array
+    upper: Array
+    bottom: Array
+    top: Array
+    feasible: Array
+
+    def holds(self, slices: int) -> Array:
+        """(n+1,) whether each node belongs to the band."""
+        nodes = jnp.arange(slices + 1) / slices
+        slack = _ON_NODE / slices
+        return (nodes >= self.lower - slack) & (nodes <= self.upper + slack)
+
+
+def sides(rest: Rest, tool: Tool, band: Band) -> tuple[Side, Side]:
+    """The clay below and above the band, each seen from the band's edge."""
+    nodes = rest.nodes()
+    slope = rest.thickness * rest.slices
+    down, up = jnp.minimum(nodes, band.lower), jnp.maximum(nodes, band.upper)
+    below = Side(
+        start=band.lower - down[1:],
+        stop=band.lower - down[:-1],
+        slope=slope,
+        displacement=rest.height_at(band.lower) - band.bottom,
+        held=jnp.asarray(True),
+        graded=jnp.ones(()),
+    )
+    above = Side(
+        start=up[:-1] - band.upper,
+        stop=up[1:] - band.upper,
+        slope=slope,
+        displacement=band.top - rest.height_at(band.upper),
+        held=jnp.asarray(tool.top_fixed),
+        graded=jnp.ones(()),
+    )
+    return below, above
+
+
+def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
+    """The band of least E_move; ties go to the lower one.
+
+    A free top that the band reaches is swallowed: the band takes all the clay
+    above its lower edge and ends where that clay is used up.
+    """
+    height = rest.heights[-1]
+    density = (tool.radius / rest.r0) ** 2
+    share = density * (tool.top - tool.bottom)
+    at_bottom = tool.bottom <= 0
+    start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
+    swallows = (start + share >= 1) & ~tool.top_fixed
+    low, high, feasible = _search_range(rest, tool, material, share)
+
+    def place(lower):
+        return Band(lower, lower + share, tool.bottom, tool.top, feasible)
+
+    def search():
+        return _cheapest(rest, tool, material, place, low, high)
+
+    searches = ~at_bottom & ~swallows & feasible
+    lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
+    upper = jnp.where(swallows, 1.0, jnp.minimum(lower + share, 1.0))
+    top = jnp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
+    room = material.floor * (height - rest.height_at(upper)) <= height - tool.top
+    feasible = jnp.where(at_bottom, ~tool.top_fixed | room, feasible)
+    return Band(lower, upper, tool.bottom, top, feasible)
+
+
+def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
+    """Lower edges that push both sides the same way and leave both sides room."""
+    height = rest.heights[-1]
+    least = 1e-3 / rest.slices  # the clay below the band cannot fill its height from nothing
+    one = rest.material_at(tool.bottom)
+    other = rest.material_at(jnp.minimum(tool.top, height)) - share
+    other = jnp.minimum(other, 1 - share)
+    low, high = jnp.minimum(one, other), jnp.maximum(one, other)
+    thinnest = tool.bottom / material.floor
+    high = jnp.minimum(high, jnp.where(thinnest < height, rest.material_at(thinnest), 1.0))
+    deepest = height - (height - tool.top) / material.floor
+    held_low = rest.material_at(deepest) - share
+    low = jnp.where(tool.top_fixed & (deepest > 0), jnp.maximum(low, held_low), low)
+    low = jnp.maximum(low, least)
+    feasible = (low <= high) | ~tool.top_fixed
+    return low, jnp.maximum(high, low), feasible
+
+
+def _cheapest(rest, tool, material, place, low, high):
+    """Scan the kinks of the summed E_move, then bisect its slope beside the best one."""
+
+    def solved(lower):
+        pair = sides(rest, tool, place(lower))
+        return list(zip(pair, solve_sides(pair, material), strict=True))
+
+    def energy(lower):
+        return sum(move_energy(side, material, push) for side, push in solved(lower))
+
+    def slope(lower):
+        (below, push_below), (above, push_above) = solved(lower)
+        # Clay that joins one side leaves the other.
+        tension_below = edge_tension(below, material, push_below, rest.slope_at(lower))
+        upper = jnp.clip(place(lower).upper, 0.0, 1.0)
+        tension_above = edge_tension(above, material, push_above, rest.slope_at(upper))
+        return tension_above - tension_below
+
+    nodes = rest.nodes()
+    share = place(low).upper - low
+    kinks = jnp.sort(jnp.concatenate([nodes, nodes - share, low[None], high[None]]))
+    kinks = jnp.clip(kinks, low, high)
+    energies = jax.lax.map(energy, kinks, batch_size=min(_SCANNED_AT_ONCE, kinks.shape[0]))
+    best = jnp.argmin(energies)
+    left = kinks[jnp.searchsorted(kinks, kinks[best], side="left") - 1]
+    left = jnp.where(kinks[best] > low, left, low)
+    after = jnp.searchsorted(kinks, kinks[best], side="right")
+    right = kinks[jnp.minimum(after, kinks.shape[0] - 1)]
+
+    def bisect(_, bounds):
+        left, right = bounds
+        middle = (left + right) / 2
+        falls = slope(middle) < 0
+        return jnp.where(falls, middle, left), jnp.where(falls, right, middle)
+
+    left, right = jax.lax.fori_loop(0, _BISECTIONS, bisect, (left, right))
+    return (left + right) / 2

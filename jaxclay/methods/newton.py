@@ -1,0 +1,251 @@
+"""``newton``: primal-dual Newton on E_total with friction and floor as they are.
+
+The kinks of friction are smoothed as sqrt(d^2 + eps^2), but its force lam is an
+unknown of its own (Chan, Golub and Mulet 1999), so that Newton's region of
+convergence does not shrink with eps; the floor is an interior-point barrier.
+Where the Hessian is not positive definite, as on every rough shape with a jump
+of radius, Gauss-Newton takes its place.  When eps has shrunk, an active-set
+polish (Hintermueller, Ito and Kunisch 2003) makes resting nodes rest exactly.
+
+Dense: O(n^3) a step, the reference for everything faster.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay import local
+from jaxclay._host import is_concrete, pytree
+from jaxclay.certificate import SMALL, Forces, friction_limit, slack
+from jaxclay.clay import Array
+from jaxclay.methods.base import Method, State, check_setting
+from jaxclay.problem import Problem
+from jaxclay.schemes.paper import Point
+
+_FIRST_EPS = 1e-2  # over the unit l
+_LAST_EPS = 1e-8
+_BACKTRACKS = 14
+_TO_BOUNDARY = 0.99  # of the way to the floor that a step may go
+_POLISHES = 15
+
+
+@pytree
+@dataclasses.dataclass(frozen=True)
+class NewtonSettings:
+    """tolerance: energy to be gained, relative to E_free, below which the solve ends."""
+
+    max_iterations: Array = 200
+    tolerance: Array = 1e-13
+
+    def __post_init__(self):
+        if is_concrete(self):
+            check_setting("max_iterations", self.max_iterations, 1)
+            check_setting("tolerance", self.tolerance, 1e-15, 1e-3)
+
+
+class _Memory(NamedTuple):
+    eps: Array
+    polishes: Array  # polishing steps done, -1 before
+    moving: Array  # (n+1,) bool, nodes that slide, while polishing
+    before: Point  # where the polish started
+    forces_before: Forces
+
+
+class _System(NamedTuple):
+    """The Newton system at a point, floor's barrier eliminated."""
+
+    matrix: Array
+    gradient: Array
+    barrier: Array
+
+
+def init(problem: Problem, start: Point, settings: NewtonSettings) -> State:
+    point = _interior(problem, start)
+    limit = friction_limit(problem)
+    eps = jnp.asarray(_FIRST_EPS)
+    lam = limit * point.shift / jnp.sqrt(point.shift**2 + eps**2)
+    forces = Forces(lam, jnp.where(problem.loose, _barrier(problem, eps) / _room(problem, point), 0.0))
+    memory = _Memory(eps, jnp.asarray(-1), problem.free, point, forces)
+    return State(point, forces, jnp.asarray(0), ~jnp.any(problem.free), memory)
+
+
+def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
+    return jax.lax.cond(
+        state.memory.polishes < 0,
+        lambda: _smooth_step(problem, state, settings),
+        lambda: _polish_step(problem, state, settings),
+    )
+
+
+def _smooth_step(problem: Problem, state: State, settings: NewtonSettings) -> State:
+    """One step on the smoothed energy; shrinks eps, and at last starts the polish."""
+    point, (lam, z), eps = state.point, state.forces, state.memory.eps
+    limit, d = friction_limit(problem), state.point.shift
+    phi = jnp.sqrt(d**2 + eps**2)
+    system = _system(problem, point, z, eps)
+    curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
+    gradient = system.gradient + limit * d / phi
+    factor = _factor(problem, point, system.matrix, jnp.diag(curvature) + system.barrier)
+    delta = -jax.scipy.linalg.cho_solve((factor, True), gradient)
+    gain = -gradient @ delta / 2
+
+    length, energy = _line_search(problem, point, delta, gain, eps)
+    moved = point.moved(length * delta)
+    lam = jnp.clip(lam + length * (limit * d / phi - lam + curvature * delta), -limit, limit)
+    forces = Forces(lam, _floor_step(problem, point, z, delta, eps))
+
+    gate = settings.tolerance * jnp.maximum(jnp.abs(energy), SMALL)
+    solved = (gain <= 0.1 * eps * jnp.sum(limit) + gate) & (length == 1) | (length == 0)
+    last = eps <= _LAST_EPS
+    smaller = jnp.maximum(jnp.minimum(0.1 * eps, eps**1.5), _LAST_EPS)
+    moving = jnp.abs(lam) + 0.1 * limit * jnp.abs(moved.shift) / eps > limit
+    memory = _Memory(
+        eps=jnp.where(solved, smaller, eps),
+        polishes=jnp.where(solved & last, 0, -1),
+        moving=problem.free & (moving | (limit == 0)),
+        before=moved,
+        forces_before=forces,
+    )
+    return State(moved, forces, state.iterations + 1, jnp.asarray(False), memory)
+
+
+def _polish_step(problem: Problem, state: State, settings: NewtonSettings) -> State:
+    """One active-set step: resting nodes go home, moving ones keep their sign of friction."""
+    point, (lam, z), memory = state.point, state.forces, state.memory
+    limit, d = friction_limit(problem), point.shift
+    moving = memory.moving
+    push = limit * jnp.sign(jnp.where(d == 0, lam, d))
+    system = _system(problem, point, z, memory.eps)
+    matrix, barrier = system.matrix, system.barrier
+    home = jnp.where(problem.free & ~moving, -d, 0.0)
+    pull = jnp.where(moving, system.gradient + push + (matrix + barrier) @ home, 0.0)
+    factor = _factor(problem, point, matrix, barrier, moving)
+    slide = -jax.scipy.linalg.cho_solve((factor, True), pull)
+    delta = jnp.where(moving, slide, home)
+    gain = -pull @ slide / 2
+
+    length = _longest(problem, point, delta)
+    moved = _rest_exactly(problem, point.moved(length * delta), ~moving & (length == 1))
+    floor = _floor_step(problem, point, z, delta, memory.eps)
+    held = -(local.gradient(problem, moved) - local.to_nodes(floor))
+    lam = jnp.where(moving, push, jnp.where(problem.free, held, 0.0))
+    stays = jnp.where(moving, jnp.sign(moved.shift) * push >= 0, jnp.abs(lam) > limit)
+    stays = problem.free & (stays | (limit == 0))
+
+    gate = settings.tolerance * jnp.maximum(problem.free_terms(moved).total, SMALL)
+    solved = jnp.all(stays == moving) & (gain <= gate) & (length == 1)
+    gives_up = ~solved & ((memory.polishes >= _POLISHES) | ~jnp.isfinite(gain))
+    answer, forces = jax.tree.map(
+        lambda old, new: jnp.where(gives_up, old, new),
+        (memory.before, memory.forces_before),
+        (moved, Forces(lam, floor)),
+    )
+    memory = memory._replace(moving=stays, polishes=memory.polishes + 1)
+    return State(answer, forces, state.iterations + 1, solved | gives_up, memory)
+
+
+def _system(problem: Problem, point: Point, z: Array, eps: Array) -> _System:
+    room = _room(problem, point)
+    pushes = jnp.where(problem.loose, _barrier(problem, eps) / room, 0.0)
+    gradient = local.gradient(problem, point) - local.to_nodes(pushes)
+    barrier = local.between_nodes(jnp.where(problem.loose, z / room, 0.0))
+    free = problem.free
+    return _System(
+        matrix=local.hessian(problem, point),
+        gradient=jnp.where(free, gradient, 0.0),
+        barrier=jnp.where(free[:, None] & free[None, :], barrier, 0.0),
+    )
+
+
+def _factor(problem, point, matrix, added, free=None):
+    """Cholesky factor of the Hessian plus ``added``, or of Gauss-Newton's if that has none."""
+    mask = (lambda A: A) if free is None else lambda A: local.masked(A, free)
+    factor = jnp.linalg.cholesky(mask(matrix + added))
+    return jax.lax.cond(
+        jnp.all(jnp.isfinite(factor)),
+        lambda: factor,
+        lambda: jnp.linalg.cholesky(mask(local.gauss_newton(problem, point) + added)),
+    )
+
+
+def _line_search(problem, point, delta, gain, eps) -> tuple[Array, Array]:
+    """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
+    limit, weight = friction_limit(problem), _barrier(problem, eps)
+
+    def merit(shape: Point) -> Array:
+        room = _room(problem, shape)
+        safe = jnp.where(room > 0, room, 1.0)
+        barrier = weight * jnp.sum(jnp.where(problem.loose, jnp.log(safe), 0.0))
+        smoothed = jnp.sum(limit * jnp.sqrt(shape.shift**2 + eps**2))
+        energy = problem.free_terms(shape).smooth + smoothed - barrier
+        return jnp.where(jnp.all(room > 0), energy, jnp.inf)
+
+    lengths = _longest(problem, point, delta) * 0.5 ** jnp.arange(_BACKTRACKS)
+    here = merit(point)
+    there = jax.vmap(lambda a: merit(point.moved(a * delta)))(lengths)
+    rounding = 1e-13 * jnp.abs(here)
+    lowers = (there <= here - 2e-4 * lengths * gain + rounding) | (gain <= rounding)
+    lowers = lowers & jnp.isfinite(there)
+    length = jnp.where(jnp.any(lowers), lengths[jnp.argmax(lowers)], 0.0)
+    return length, here
+
+
+def _longest(problem: Problem, point: Point, delta: Array) -> Array:
+    """Largest step up to 1 that stays well above the floor."""
+    change = jnp.diff(delta)
+    shrinks = problem.loose & (change < 0)
+    safe = jnp.where(shrinks, change, -1.0)
+    limits = jnp.where(shrinks, -_TO_BOUNDARY * _room(problem, point) / safe, 1.0)
+    return jnp.minimum(jnp.min(limits), 1.0)
+
+
+def _floor_step(problem, point, z, delta, eps) -> Array:
+    """The floor's forces after a Newton step, kept positive."""
+    room = _room(problem, point)
+    change = _barrier(problem, eps) / room - z - z / room * jnp.diff(delta)
+    change = jnp.where(problem.loose, change, 0.0)
+    falls = change < 0
+    length = jnp.min(jnp.where(falls, -_TO_BOUNDARY * z / jnp.where(falls, change, -1.0), 1.0))
+    return z + jnp.minimum(length, 1.0) * change
+
+
+def _rest_exactly(problem: Problem, point: Point, rests: Array) -> Point:
+    rests = rests & problem.free
+    shift = jnp.where(rests, 0.0, point.shift)
+    home = (shift[1:] == 0) & (shift[:-1] == 0) & problem.loose
+    return Point(jnp.where(home, problem.rest.thickness, point.thickness), shift)
+
+
+def _room(problem: Problem, point: Point) -> Array:
+    """Thickness above the floor of loose slices, 1 for the others."""
+    return jnp.where(problem.loose, slack(problem, point), 1.0)
+
+
+def _barrier(problem: Problem, eps: Array) -> Array:
+    """Weight of the floor's logarithms, falling with eps so that both end together."""
+    return problem.material.k * eps * jnp.minimum(eps, 1e-3) / problem.slices
+
+
+def _interior(problem: Problem, start: Point) -> Point:
+    """The start, drawn off the floor where it touches: each side spread a little more evenly."""
+    held = problem.band.holds(problem.slices)
+    upper = jnp.arange(problem.slices) >= jnp.argmax(held)
+    even = start.thickness
+    for side in (problem.loose & ~upper, problem.loose & upper):
+        rest = jnp.sum(jnp.where(side, problem.rest.thickness, 0.0))
+        now = jnp.sum(jnp.where(side, start.thickness, 0.0))
+        spread = problem.rest.thickness * now / jnp.where(rest > 0, rest, 1.0)
+        even = jnp.where(side, spread, even)
+    touches = jnp.min(_room(problem, start) / problem.rest.thickness) < 1e-3
+    change = jnp.where(touches, 0.1, 0.0) * (even - start.thickness)
+    moved = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change)])
+    return Point(start.thickness + change, start.shift + jnp.where(problem.free, moved, 0.0))
+
+
+METHOD = Method(
+    NewtonSettings, init, step, "primal-dual Newton with an active-set polish, the reference"
+)

@@ -1,0 +1,1 @@
+"""Schemes: how unknowns become samples of the contour and weights."""

@@ -1,0 +1,157 @@
+"""Sliced cylinder model: the rough shape, E_move's minimum in closed form (eqs. 12-19)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay._host import in_float64, pytree
+from jaxclay.band import Band, sides
+from jaxclay.clay import Array
+from jaxclay.problem import Problem
+from jaxclay.schemes.paper import Point
+from jaxclay.side import Push, slope_change, solve_sides
+
+_CASES = ("none", "I", "II", "III")
+
+
+@pytree
+@dataclasses.dataclass(frozen=True, eq=False)
+class RoughShape:
+    """The rough shape and what the closed form says of it.
+
+    Attributes
+    ----------
+    heights : (n+1,) array, length
+        Y_i of the rough shape.
+    point : Point
+        The same over l, as solvers hold it.
+    reach : float
+        u1, the material coordinate beyond which the clay above the band rests
+        (eq. 14); 1 where all of it moves.
+    reach_below : float
+        The same below the band: clay at u < reach_below rests.
+    sigma, sigma_below : float
+        The push at the band's edges.
+    band : (2,) array
+        The material [ua, ub] under the tool.
+    bottom, top : float, length
+        The effective band: heights of its first and last fixed node, since the
+        tool's edges are quantised to nodes.
+    floored : bool
+        Whether the thickness floor is active.
+    feasible : bool
+        False where a held end leaves less room than the floor needs.
+    """
+
+    heights: Array
+    point: Point
+    reach: Array
+    reach_below: Array
+    sigma: Array
+    sigma_below: Array
+    band: Array
+    bottom: Array
+    top: Array
+    floored: Array
+    feasible: Array
+    case_code: Array
+    case_below_code: Array
+
+    @property
+    def case(self) -> str:
+        """The paper's case above the band: "I", "II", "III", or "none" without clay there."""
+        return _CASES[int(self.case_code)]
+
+    @property
+    def case_below(self) -> str:
+        """The same below the band, whose far end is always held."""
+        return _CASES[int(self.case_below_code)]
+
+
+def rough_shape(problem: Problem, discrete: bool = False) -> RoughShape:
+    """The rough shape of a posed squash.
+
+    Parameters
+    ----------
+    problem : Problem
+        From :func:`jaxclay.pose`.
+    discrete : bool
+        False: the continuum's minimiser at the nodes, as the paper has it, O(h)
+        off the minimum of the sums.  True: the exact minimiser of the discrete
+        E_move (eq. 6 by the sums of eq. 21) above the floor.
+
+    Raises
+    ------
+    TypeError
+        Inside a JAX transformation while float64 is off.
+    """
+    return in_float64("rough_shape", _discrete if discrete else _continuum, problem)
+
+
+@jax.jit
+def _continuum(problem: Problem) -> RoughShape:
+    return _describe(problem, *_solve(problem, discrete=False))
+
+
+@jax.jit
+def _discrete(problem: Problem) -> RoughShape:
+    return _describe(problem, *_solve(problem, discrete=True))
+
+
+def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
+    band = _node_band(problem) if discrete else problem.band
+    below, above = sides(problem.rest, problem.tool, band)
+    if discrete:
+        below, above = below._replace(graded=jnp.zeros(())), above._replace(graded=jnp.zeros(()))
+    push_below, push_above = solve_sides((below, above), problem.material)
+    change_below = slope_change(below, problem.material, push_below.sigma)
+    change_above = slope_change(above, problem.material, push_above.sigma)
+
+    outside = below.width + above.width
+    inside = jnp.maximum(1 - problem.slices * outside, 0.0) * problem.band_thickness
+    rest_thickness = problem.rest.thickness * problem.slices * outside
+    thickness = rest_thickness + change_below + change_above + inside
+    # Displacements add up from the far ends, so that clay beyond the reach rests exactly.
+    rises = jnp.where(push_above.case == 2, above.displacement + jnp.sum(change_above), 0.0)
+    from_bottom = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change_below)])
+    from_top = rises - jnp.concatenate([jnp.cumsum(change_above[::-1])[::-1], jnp.zeros(1)])
+    shift = jnp.where(problem.rest.nodes() <= band.lower, from_bottom, from_top)
+    point = Point(
+        jnp.where(problem.banded, problem.band_thickness, thickness),
+        jnp.where(problem.fixed, problem.shift, shift),
+    )
+    return point, (push_below, push_above)
+
+
+def _node_band(problem: Problem) -> Band:
+    """The band from its first to its last fixed node."""
+    held = problem.band.holds(problem.slices)
+    first = jnp.argmax(held)
+    last = problem.slices - jnp.argmax(held[::-1])
+    nodes, heights = problem.rest.nodes(), problem.rest.heights + problem.shift
+    return problem.band._replace(
+        lower=nodes[first], upper=nodes[last], bottom=heights[first], top=heights[last]
+    )
+
+
+def _describe(problem: Problem, point: Point, pushes: tuple[Push, Push]) -> RoughShape:
+    below, above = pushes
+    band, nodes, unit = problem.band, _node_band(problem), problem.clay.unit
+    return RoughShape(
+        heights=problem.shape(point).heights,
+        point=point,
+        reach=band.upper + above.reach,
+        reach_below=band.lower - below.reach,
+        sigma=above.sigma,
+        sigma_below=below.sigma,
+        band=jnp.stack([band.lower, band.upper]),
+        bottom=nodes.bottom * unit,
+        top=nodes.top * unit,
+        floored=below.floored | above.floored,
+        feasible=band.feasible & below.feasible & above.feasible,
+        case_code=above.case,
+        case_below_code=below.case,
+    )

@@ -1,0 +1,205 @@
+"""E_move's minimiser on one side of a band, in closed form (eqs. 12-19).
+
+Everything is told in x, the material distance from the band's edge, so both
+sides look alike.  The slope changes from Y0_u by s q(x), s = -1 where the clay
+is compressed and +1 where it is stretched, with
+
+    q(x) = min(max(sigma - (mu/k) x, 0) Y0_u^2, (1 - f) Y0_u)
+
+(the cap, which is the thickness floor, only in compression).  The push sigma at
+the edge follows from D(sigma) = integral of q = |d|, the displacement
+prescribed there; a free far end gives way beyond sigma = (mu/k) span instead
+(Case II).  One scalar equation serves all three cases and mu = 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay.clay import Array, Material
+
+_BISECTIONS = 45
+_NEWTON_STEPS = 3
+
+
+class Side(NamedTuple):
+    """One side of the band, slice by slice; empty slices have start == stop.
+
+    Attributes
+    ----------
+    start, stop : (n,) arrays, material distance
+        Where each slice begins and ends, measured from the band's edge.
+    slope : (n,) array
+        Y0_u, constant on each slice.
+    displacement : scalar
+        d, prescribed at the edge; positive compresses the side.
+    held : bool scalar
+        Whether the far end stays where it is.
+    graded : scalar
+        1 for the continuum, where the push falls along each slice; 0 for the
+        discrete sums, where a slice takes the push at its end nearest the band.
+    """
+
+    start: Array
+    stop: Array
+    slope: Array
+    displacement: Array
+    held: Array
+    graded: Array
+
+    @property
+    def width(self) -> Array:
+        """(n,) each slice's share of the material."""
+        return self.stop - self.start
+
+    @property
+    def span(self) -> Array:
+        """The side's share of the material."""
+        return jnp.sum(self.width)
+
+
+class Push(NamedTuple):
+    """What the closed form says of a side.
+
+    Attributes
+    ----------
+    sigma : scalar
+        The push at the band's edge.
+    case : int scalar
+        1, 2 or 3 as in the paper; 0 for a side without clay.
+    reach : scalar, material distance
+        How far from the band's edge clay moves: u1 - u0 in Case I, else the span.
+    floored : bool scalar
+        Whether the thickness floor is active somewhere.
+    feasible : bool scalar
+        False where even all slices at the floor leave less room than needed.
+    """
+
+    sigma: Array
+    case: Array
+    reach: Array
+    floored: Array
+    feasible: Array
+
+
+def solve_side(side: Side, material: Material) -> Push:
+    """The push that displaces the edge by d: bisection, then Newton, exact to rounding."""
+    rate = material.mu / material.k
+    size = jnp.abs(side.displacement)
+    span = side.span
+    stretchable = jnp.sum(side.slope**2 * side.width)
+    free_push = rate * span
+    high = _divide(size, stretchable) + free_push  # q >= |d| / stretchable Y0_u^2 throughout
+    cap = jnp.max(jnp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0))
+    high = jnp.where(side.displacement > 0, jnp.maximum(high, cap + free_push), high)
+    low = jnp.zeros_like(high)
+
+    def bisect(_, bounds):
+        low, high = bounds
+        middle = (low + high) / 2
+        under = _displaced(side, material, middle) < size
+        return jnp.where(under, middle, low), jnp.where(under, high, middle)
+
+    low, high = jax.lax.fori_loop(0, _BISECTIONS, bisect, (low, high))
+    # D is quadratic near its root: Newton finishes, and carries the derivative of sigma.
+    def newton(_, sigma):
+        sigma = jax.lax.stop_gradient(sigma)
+        excess = _displaced(side, material, sigma) - size
+        growth = jnp.sum(side.slope**2 * _pieces(side, material, sigma).linear)
+        return jnp.maximum(sigma - _divide(excess, growth), 0.0)
+
+    sigma = jax.lax.fori_loop(0, _NEWTON_STEPS, newton, (low + high) / 2)
+    moves = (size > 0) & (span > 0)
+    sigma = jnp.where(moves, sigma, 0.0)
+    beyond = sigma > free_push
+    free_push = jnp.where(moves, free_push, 0.0)
+    sigma = jnp.where(side.held, sigma, jnp.minimum(sigma, free_push))
+    case = jnp.where(beyond, jnp.where(side.held, 3, 2), 1)
+    room = (1 - material.floor) * jnp.sum(side.slope * side.width)
+    return Push(
+        sigma=sigma,
+        case=jnp.where(span > 0, case, 0),
+        reach=jnp.where(moves, jnp.minimum(_divide(sigma, rate, jnp.inf), span), 0.0),
+        floored=moves & (side.displacement > 0) & jnp.any(_pieces(side, material, sigma).saturated > 0),
+        feasible=~side.held | (side.displacement <= room) | (span == 0),
+    )
+
+
+def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push]:
+    """Both sides of a band, solved at once."""
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *pair)
+    pushes = jax.vmap(solve_side, in_axes=(0, None))(stacked, material)
+    below, above = (jax.tree.map(lambda leaf: leaf[j], pushes) for j in range(2))
+    return below, above
+
+
+def slope_change(side: Side, material: Material, sigma: Array) -> Array:
+    """(n,) integral of Y_u - Y0_u over each slice, in heights: negative in compression."""
+    p = _pieces(side, material, sigma)
+    moved = p.cap * p.saturated + p.linear * (p.high + p.low) / 2
+    return -jnp.sign(side.displacement) * moved * side.slope**2
+
+
+def move_energy(side: Side, material: Material, push: Push) -> Array:
+    """E_move of the side (eq. 6) at its minimum, in the continuum."""
+    k, mu = material.k, material.mu
+    p = _pieces(side, material, push.sigma)
+    squares = p.cap**2 * p.saturated
+    squares += p.linear * (p.high * p.high + p.high * p.low + p.low * p.low) / 3
+    strain = k / 2 * jnp.sum(squares * side.slope**2)
+    # |d(x)| = |d| - integral of q up to x, so its integral needs q's first moment only.
+    middle = side.start + p.saturated + p.linear / 2
+    moment = p.cap * p.saturated * (side.start + p.saturated / 2)
+    moment += p.linear * ((p.high + p.low) / 2 * middle - (p.high - p.low) * p.linear / 12)
+    stays = jnp.maximum(jnp.abs(side.displacement) - _displaced(side, material, push.sigma), 0.0)
+    return strain + mu * (stays * side.span + jnp.sum(moment * side.slope**2))
+
+
+def edge_tension(side: Side, material: Material, push: Push, slope: Array) -> Array:
+    """-dE/d(span) where the edge passes clay of rest slope ``slope``, its height staying put.
+
+    k/2 ((Y_u / Y0_u)^2 - 1) - mu |d| while the floor is inactive.
+    """
+    k = material.k
+    sign = jnp.sign(side.displacement)
+    stretch = 1 - sign * push.sigma * slope
+    stretch = jnp.where(sign > 0, jnp.maximum(stretch, material.floor), stretch)
+    momentum = -sign * k * push.sigma
+    energy = k / 2 * (stretch - 1) ** 2 + material.mu * jnp.abs(side.displacement)
+    return stretch * slope * momentum - energy
+
+
+def _displaced(side: Side, material: Material, sigma: Array) -> Array:
+    return jnp.sum(jnp.abs(slope_change(side, material, sigma)))
+
+
+class _Pieces(NamedTuple):
+    """Each slice is saturated first, then its push falls from high to low, then vanishes."""
+
+    cap: Array  # (n,) push beyond which a slice is as thin as the floor
+    saturated: Array  # (n,) length where the push exceeds it
+    linear: Array  # (n,) length where the push lies between 0 and the cap
+    high: Array  # (n,) push where the linear part begins
+    low: Array  # (n,) push where it ends
+
+
+def _pieces(side: Side, material: Material, sigma: Array) -> _Pieces:
+    rate = material.mu / material.k
+    edge = sigma - rate * side.start
+    fall = rate * side.graded
+    compressed = side.displacement > 0
+    cap = jnp.where(compressed, (1 - material.floor) / side.slope, 0.0)
+    begins = _divide(edge - cap, fall, jnp.where(edge > cap, jnp.inf, -jnp.inf))
+    saturated = jnp.where(compressed, jnp.clip(begins, 0.0, side.width), 0.0)
+    vanishes = _divide(edge, fall, jnp.where(edge > 0, jnp.inf, -jnp.inf))
+    end = jnp.clip(vanishes, saturated, side.width)
+    return _Pieces(cap, saturated, end - saturated, edge - fall * saturated, edge - fall * end)
+
+
+def _divide(a: Array, b: Array, otherwise: Array | float = 0.0) -> Array:
+    """a / b, or ``otherwise`` where b is 0 (also under differentiation)."""
+    safe = jnp.where(b > 0, b, 1.0)
+    return jnp.where(b > 0, a / safe, otherwise)
