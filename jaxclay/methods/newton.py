@@ -27,10 +27,10 @@ from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
 _FIRST_EPS = 1e-2  # over the unit l
-_LAST_EPS = 1e-8
+_LAST_EPS = 1e-13
+_EAGER = 1e-3  # barrier weight over promised gain
 _BACKTRACKS = 14
 _TO_BOUNDARY = 0.99  # of the way to the floor that a step may go
-_POLISHES = 15
 
 
 @pytree
@@ -49,10 +49,7 @@ class NewtonSettings:
 
 class _Memory(NamedTuple):
     eps: Array
-    polishes: Array  # polishing steps done, -1 before
-    moving: Array  # (n+1,) bool, nodes that slide, while polishing
-    before: Point  # where the polish started
-    forces_before: Forces
+    gain: Array  # what the last step promised
 
 
 class _System(NamedTuple):
@@ -68,89 +65,45 @@ def init(problem: Problem, start: Point, settings: NewtonSettings) -> State:
     limit = friction_limit(problem)
     eps = jnp.asarray(_FIRST_EPS)
     lam = limit * point.shift / jnp.sqrt(point.shift**2 + eps**2)
-    forces = Forces(lam, jnp.where(problem.loose, _barrier(problem, eps) / _room(problem, point), 0.0))
-    memory = _Memory(eps, jnp.asarray(-1), problem.free, point, forces)
+    gain = jnp.maximum(problem.free_terms(point).total, 0.0)
+    weight = _barrier(problem, eps, gain)
+    forces = Forces(lam, jnp.where(problem.loose, weight / _room(problem, point), 0.0))
+    memory = _Memory(eps, gain)
     return State(point, forces, jnp.asarray(0), ~jnp.any(problem.free), memory)
 
 
 def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
-    return jax.lax.cond(
-        state.memory.polishes < 0,
-        lambda: _smooth_step(problem, state, settings),
-        lambda: _polish_step(problem, state, settings),
-    )
-
-
-def _smooth_step(problem: Problem, state: State, settings: NewtonSettings) -> State:
-    """One step on the smoothed energy; shrinks eps, and at last starts the polish."""
-    point, (lam, z), eps = state.point, state.forces, state.memory.eps
-    limit, d = friction_limit(problem), state.point.shift
+    """One step on the smoothed energy; eps shrinks whenever its minimum is near."""
+    point, (lam, z), memory = state.point, state.forces, state.memory
+    eps, limit, d = memory.eps, friction_limit(problem), point.shift
     phi = jnp.sqrt(d**2 + eps**2)
-    system = _system(problem, point, z, eps)
+    weight = _barrier(problem, eps, memory.gain)
+    system = _system(problem, point, z, weight)
     curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
     gradient = system.gradient + limit * d / phi
     factor = _factor(problem, point, system.matrix, jnp.diag(curvature) + system.barrier)
     delta = -jax.scipy.linalg.cho_solve((factor, True), gradient)
     gain = -gradient @ delta / 2
 
-    length, energy = _line_search(problem, point, delta, gain, eps)
+    length, energy = _line_search(problem, point, delta, gain, eps, weight)
     moved = point.moved(length * delta)
     lam = jnp.clip(lam + length * (limit * d / phi - lam + curvature * delta), -limit, limit)
-    forces = Forces(lam, _floor_step(problem, point, z, delta, eps))
+    forces = Forces(lam, _floor_step(problem, point, z, delta, weight))
 
     gate = settings.tolerance * jnp.maximum(jnp.abs(energy), SMALL)
     solved = (gain <= 0.1 * eps * jnp.sum(limit) + gate) & (length == 1) | (length == 0)
-    last = eps <= _LAST_EPS
+    finished = solved & (eps <= _LAST_EPS)
     smaller = jnp.maximum(jnp.minimum(0.1 * eps, eps**1.5), _LAST_EPS)
-    moving = jnp.abs(lam) + 0.1 * limit * jnp.abs(moved.shift) / eps > limit
-    memory = _Memory(
-        eps=jnp.where(solved, smaller, eps),
-        polishes=jnp.where(solved & last, 0, -1),
-        moving=problem.free & (moving | (limit == 0)),
-        before=moved,
-        forces_before=forces,
+    rests = finished & (jnp.abs(moved.shift) <= 100 * _LAST_EPS)
+    memory = _Memory(jnp.where(solved, smaller, eps), jnp.maximum(gain, 0.0))
+    return State(
+        _rest_exactly(problem, moved, rests), forces, state.iterations + 1, finished, memory
     )
-    return State(moved, forces, state.iterations + 1, jnp.asarray(False), memory)
 
 
-def _polish_step(problem: Problem, state: State, settings: NewtonSettings) -> State:
-    """One active-set step: resting nodes go home, moving ones keep their sign of friction."""
-    point, (lam, z), memory = state.point, state.forces, state.memory
-    limit, d = friction_limit(problem), point.shift
-    moving = memory.moving
-    push = limit * jnp.sign(jnp.where(d == 0, lam, d))
-    system = _system(problem, point, z, memory.eps)
-    matrix, barrier = system.matrix, system.barrier
-    home = jnp.where(problem.free & ~moving, -d, 0.0)
-    pull = jnp.where(moving, system.gradient + push + (matrix + barrier) @ home, 0.0)
-    factor = _factor(problem, point, matrix, barrier, moving)
-    slide = -jax.scipy.linalg.cho_solve((factor, True), pull)
-    delta = jnp.where(moving, slide, home)
-    gain = -pull @ slide / 2
-
-    length = _longest(problem, point, delta)
-    moved = _rest_exactly(problem, point.moved(length * delta), ~moving & (length == 1))
-    floor = _floor_step(problem, point, z, delta, memory.eps)
-    held = -(local.gradient(problem, moved) - local.to_nodes(floor))
-    lam = jnp.where(moving, push, jnp.where(problem.free, held, 0.0))
-    stays = jnp.where(moving, jnp.sign(moved.shift) * push >= 0, jnp.abs(lam) > limit)
-    stays = problem.free & (stays | (limit == 0))
-
-    gate = settings.tolerance * jnp.maximum(problem.free_terms(moved).total, SMALL)
-    solved = jnp.all(stays == moving) & (gain <= gate) & (length == 1)
-    gives_up = ~solved & ((memory.polishes >= _POLISHES) | ~jnp.isfinite(gain))
-    answer, forces = jax.tree.map(
-        lambda old, new: jnp.where(gives_up, old, new),
-        (memory.before, memory.forces_before),
-        (moved, Forces(lam, floor)),
-    )
-    memory = memory._replace(moving=stays, polishes=memory.polishes + 1)
-    return State(answer, forces, state.iterations + 1, solved | gives_up, memory)
-
-
-def _system(problem: Problem, point: Point, z: Array, eps: Array) -> _System:
+def _system(problem: Problem, point: Point, z: Array, weight: Array) -> _System:
     room = _room(problem, point)
-    pushes = jnp.where(problem.loose, _barrier(problem, eps) / room, 0.0)
+    pushes = jnp.where(problem.loose, weight / room, 0.0)
     gradient = local.gradient(problem, point) - local.to_nodes(pushes)
     barrier = local.between_nodes(jnp.where(problem.loose, z / room, 0.0))
     free = problem.free
@@ -161,20 +114,19 @@ def _system(problem: Problem, point: Point, z: Array, eps: Array) -> _System:
     )
 
 
-def _factor(problem, point, matrix, added, free=None):
+def _factor(problem, point, matrix, added):
     """Cholesky factor of the Hessian plus ``added``, or of Gauss-Newton's if that has none."""
-    mask = (lambda A: A) if free is None else lambda A: local.masked(A, free)
-    factor = jnp.linalg.cholesky(mask(matrix + added))
+    factor = jnp.linalg.cholesky(matrix + added)
     return jax.lax.cond(
         jnp.all(jnp.isfinite(factor)),
         lambda: factor,
-        lambda: jnp.linalg.cholesky(mask(local.gauss_newton(problem, point) + added)),
+        lambda: jnp.linalg.cholesky(local.gauss_newton(problem, point) + added),
     )
 
 
-def _line_search(problem, point, delta, gain, eps) -> tuple[Array, Array]:
+def _line_search(problem, point, delta, gain, eps, weight) -> tuple[Array, Array]:
     """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
-    limit, weight = friction_limit(problem), _barrier(problem, eps)
+    limit = friction_limit(problem)
 
     def merit(shape: Point) -> Array:
         room = _room(problem, shape)
@@ -203,10 +155,10 @@ def _longest(problem: Problem, point: Point, delta: Array) -> Array:
     return jnp.minimum(jnp.min(limits), 1.0)
 
 
-def _floor_step(problem, point, z, delta, eps) -> Array:
+def _floor_step(problem, point, z, delta, weight) -> Array:
     """The floor's forces after a Newton step, kept positive."""
     room = _room(problem, point)
-    change = _barrier(problem, eps) / room - z - z / room * jnp.diff(delta)
+    change = weight / room - z - z / room * jnp.diff(delta)
     change = jnp.where(problem.loose, change, 0.0)
     falls = change < 0
     length = jnp.min(jnp.where(falls, -_TO_BOUNDARY * z / jnp.where(falls, change, -1.0), 1.0))
@@ -225,9 +177,9 @@ def _room(problem: Problem, point: Point) -> Array:
     return jnp.where(problem.loose, slack(problem, point), 1.0)
 
 
-def _barrier(problem: Problem, eps: Array) -> Array:
-    """Weight of the floor's logarithms, falling with eps so that both end together."""
-    return problem.material.k * eps * jnp.minimum(eps, 1e-3) / problem.slices
+def _barrier(problem: Problem, eps: Array, gain: Array) -> Array:
+    """Weight of the floor's logarithms: falls with eps, and is high while much is to be gained."""
+    return (problem.material.k * eps * jnp.minimum(eps, 1e-3) + _EAGER * gain) / problem.slices
 
 
 def _interior(problem: Problem, start: Point) -> Point:

@@ -1,0 +1,248 @@
+"""``greedy`` and ``greedy-refined``: the paper's second stage (section 3-2).
+
+In order over the free nodes, each Y_i moves by one step up or down if that
+lowers E_total, to the lower of the two, in place, sweep after sweep, until
+fewer nodes than the threshold move in a sweep.
+
+A move of Y_i changes and reads nothing beyond Y_{i-3} .. Y_{i+3}, so sweep s+1
+may visit node i as soon as sweep s has left node i+3.  Sweeps therefore run as
+lanes, four nodes apart, all advanced by one vector operation: every visit sees
+what it would see in plain order, and the moves are the same one by one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay._host import is_concrete, pytree
+from jaxclay.clay import Array
+from jaxclay.methods.base import Method, State, check_setting, no_forces
+from jaxclay.problem import Problem
+from jaxclay.schemes.paper import Point, radii
+
+_APART = 4  # nodes between lanes: one more than the reach of a move
+_BLOCK = 512  # sweeps started before their ends are looked at
+
+
+@pytree
+@dataclasses.dataclass(frozen=True)
+class GreedySettings:
+    """The paper names neither step nor threshold.
+
+    Attributes
+    ----------
+    max_iterations : most sweeps
+    step : how far a node moves, over the unit l
+    threshold : a sweep that moves fewer nodes is the last
+    """
+
+    max_iterations: Array = 20_000
+    step: Array = 1e-3
+    threshold: Array = 1
+
+    def __post_init__(self):
+        if is_concrete(self):
+            check_setting("max_iterations", self.max_iterations, 1)
+            check_setting("step", self.step, 1e-12, 1.0)
+            check_setting("threshold", self.threshold, 1)
+
+
+@pytree
+@dataclasses.dataclass(frozen=True)
+class RefinedSettings:
+    """As greedy's; whenever greedy would stop, the step halves, down to smallest_step."""
+
+    max_iterations: Array = 20_000
+    step: Array = 1e-2
+    smallest_step: Array = 1e-7
+    threshold: Array = 1
+
+    def __post_init__(self):
+        if is_concrete(self):
+            check_setting("max_iterations", self.max_iterations, 1)
+            check_setting("step", self.step, 1e-12, 1.0)
+            check_setting("smallest_step", self.smallest_step, 1e-12, float(self.step))
+            check_setting("threshold", self.threshold, 1)
+
+
+def _init(problem: Problem, start: Point, settings) -> State:
+    nothing_to_do = ~jnp.any(problem.free)
+    step = jnp.asarray(settings.step)
+    return State(start, no_forces(problem), jnp.asarray(0), nothing_to_do, memory=step)
+
+
+def _greedy_step(problem: Problem, state: State, settings: GreedySettings) -> State:
+    return _block(problem, state, settings)
+
+
+def _refined_step(problem: Problem, state: State, settings: RefinedSettings) -> State:
+    state = _block(problem, state, settings)
+    half = state.memory / 2
+    # Halved steps differ from the smallest by rounding.
+    last = half < settings.smallest_step * (1 - 1e-9)
+    return state._replace(
+        finished=state.finished & last, memory=jnp.where(state.finished, half, state.memory)
+    )
+
+
+def _block(problem: Problem, state: State, settings) -> State:
+    """Sweep until the threshold, the limit or the block's end."""
+    most = jnp.minimum(_BLOCK, settings.max_iterations - state.iterations)
+    point, done, stopped = _sweep(problem, state.point, state.memory, most, settings.threshold)
+    # Lanes behind the last sweep have begun the next ones.  If it moved nothing, nor did they.
+    point = jax.lax.cond(
+        stopped & (settings.threshold > 1),
+        lambda: _sweep(problem, state.point, state.memory, done, 0)[0],
+        lambda: point,
+    )
+    return state._replace(point=point, iterations=state.iterations + done, finished=stopped)
+
+
+class _Lanes(NamedTuple):
+    """The clay laid out in columns of four slots, the node to visit in row 3.
+
+    Each array is (4, m); slot (j, c) is followed by (j+1, c) and (3, c) by
+    (0, c+1), cyclically.  Turning the layout by one slot moves every lane on.
+    """
+
+    thickness: Array
+    radius: Array
+    shift: Array
+    rest: Array  # rest thickness
+    exists: Array  # whether the slot holds a slice
+    node: Array  # the slot's node, -1 for padding
+    free: Array
+
+    def turned(self) -> _Lanes:
+        return _Lanes(*(jnp.stack([a[1], a[2], a[3], jnp.roll(a[0], -1)]) for a in self))
+
+
+def _sweep(problem: Problem, point: Point, step, sweeps, threshold):
+    """At most ``sweeps`` sweeps: the shape, how many were made, whether the threshold ended it."""
+    n = problem.slices
+    lanes = _lay_out(problem, point)
+
+    def visit(carry):
+        time, lanes, moves, done, stopped = carry
+        lane_sweep = (time - lanes.node[3]) // _APART
+        running = (lanes.node[3] >= 0) & (lane_sweep >= 0) & (lane_sweep < sweeps)
+        lanes, moved = _visit(problem, lanes, step, running)
+        moves = jnp.where(lanes.node[3] == 0, 0, moves) + moved
+        ends = running & (lanes.node[3] == n)
+        stopped = stopped | jnp.any(ends & (moves < threshold))
+        return time + 1, lanes.turned(), moves, done + jnp.sum(ends), stopped
+
+    def go_on(carry):
+        _, _, _, done, stopped = carry
+        return (done < sweeps) & ~stopped
+
+    moves = jnp.zeros(lanes.node.shape[1], int)
+    carry = (jnp.asarray(0), lanes, moves, jnp.asarray(0), jnp.asarray(False))
+    _, lanes, _, done, stopped = jax.lax.while_loop(go_on, visit, carry)
+    return _gather(lanes, n), done, stopped
+
+
+def _lay_out(problem: Problem, point: Point) -> _Lanes:
+    n = problem.slices
+    slots = -(-(n + 1 + _APART) // _APART) * _APART
+
+    def lay(values, padding):
+        padded = jnp.full(slots, padding, values.dtype).at[: values.shape[0]].set(values)
+        return jnp.roll(padded, _APART - 1).reshape(-1, _APART).T
+
+    return _Lanes(
+        thickness=lay(point.thickness, 1.0),
+        radius=lay(radii(point.thickness, problem.rest.r0), 0.0),
+        shift=lay(point.shift, 0.0),
+        rest=lay(problem.rest.thickness, 1.0),
+        exists=lay(jnp.ones(n), 0.0),
+        node=lay(jnp.arange(n + 1), -1),
+        free=lay(problem.free, False),
+    )
+
+
+def _gather(lanes: _Lanes, n: int) -> Point:
+    nodes = lanes.node.T.reshape(-1)
+    place = jnp.argsort(jnp.where(nodes < 0, n + 1, nodes))
+    return Point(
+        lanes.thickness.T.reshape(-1)[place[:n]], lanes.shift.T.reshape(-1)[place[: n + 1]]
+    )
+
+
+def _visit(problem: Problem, lanes: _Lanes, step, running) -> tuple[_Lanes, Array]:
+    """Move the node in row 3 of each running lane if that lowers the energy."""
+    n, floor = problem.slices, problem.material.floor
+    t = _window(lanes.thickness)[1:5]  # slices i-2 .. i+1
+    X = _window(lanes.radius)  # slices i-3 .. i+2
+    exists = _window(lanes.exists)
+    above = exists[3]  # 0 at the free upper end, which has no slice above
+    delta = step * jnp.array([[1.0], [-1.0]])
+
+    lower, upper = t[1] + delta, t[2] - delta
+    allowed = (lower >= floor * lanes.rest[2]) & ((upper >= floor * lanes.rest[3]) | (above == 0))
+    radius_lower = radii_of(jnp.where(allowed, lower, 1.0), problem.rest.r0, n)
+    radius_upper = above * radii_of(jnp.where(allowed, upper, 1.0), problem.rest.r0, n)
+    change = _energy_change(
+        problem, lanes, t, X, exists, delta, radius_lower - X[2], radius_upper - X[3]
+    )
+    change = jnp.where(allowed, change, jnp.inf)
+
+    up = change[0] <= change[1]
+    moves = running & lanes.free[3] & (jnp.minimum(change[0], change[1]) < 0)
+    by = jnp.where(moves, jnp.where(up, step, -step), 0.0)
+    pick = lambda pair, old: jnp.where(moves, jnp.where(up, pair[0], pair[1]), old)  # noqa: E731
+    T, R, S = lanes.thickness, lanes.radius, lanes.shift
+    moved = lanes._replace(
+        thickness=jnp.stack([T[0], T[1], T[2] + by, T[3] - above * by]),
+        radius=jnp.stack([R[0], R[1], pick(radius_lower, R[2]), pick(radius_upper, R[3])]),
+        shift=jnp.stack([S[0], S[1], S[2], S[3] + by]),
+    )
+    return moved, moves
+
+
+def radii_of(thickness: Array, r0: Array, slices: int) -> Array:
+    """Eq. 22 for any shape of array."""
+    return r0 * jnp.sqrt(1 / (slices * thickness))
+
+
+def _window(rows: Array) -> list[Array]:
+    """Slots i-3 .. i+2 around the visited node i."""
+    return [rows[0], rows[1], rows[2], rows[3], jnp.roll(rows[0], -1), jnp.roll(rows[1], -1)]
+
+
+def _energy_change(problem, lanes, t, X, exists, delta, lower_change, upper_change) -> Array:
+    """Change of E_total (eq. 9) from the terms that Y_i touches, as differences of squares."""
+    n, m = problem.slices, problem.material
+    pairs = [exists[j] * exists[j + 1] for j in range(5)]
+    triples = [pairs[j] * exists[j + 2] for j in range(4)]
+    none = jnp.zeros_like(lower_change)
+    dX = [none, none, lower_change, upper_change, none, none]
+
+    def grows(value, change):
+        """(value + change)^2 - value^2, without cancellation."""
+        return change * (2 * value + change)
+
+    below, above = delta / lanes.rest[2], -delta / lanes.rest[3]
+    strain = grows(t[1] / lanes.rest[2] - 1, below)
+    strain += exists[3] * grows(t[2] / lanes.rest[3] - 1, above)
+    friction = jnp.abs(lanes.shift[3] + delta) - jnp.abs(lanes.shift[3])
+    tension = grows(t[1], delta) + exists[3] * grows(t[2], -delta)
+    for j in (1, 2, 3):
+        tension += pairs[j] * grows(X[j + 1] - X[j], dX[j + 1] - dX[j])
+    bending = pairs[1] * grows(t[1] - t[0], delta)
+    bending += pairs[2] * grows(t[2] - t[1], -2 * delta)
+    bending += pairs[3] * grows(t[3] - t[2], delta)
+    for j in range(4):
+        second = X[j] - 2 * X[j + 1] + X[j + 2]
+        bending += triples[j] * grows(second, dX[j] - 2 * dX[j + 1] + dX[j + 2])
+    return m.k / 2 / n * strain + m.mu / n * friction + m.alpha * n * tension + m.beta * n**3 * bending
+
+
+GREEDY = Method(GreedySettings, _init, _greedy_step, "the paper's greedy search, one step size")
+REFINED = Method(
+    RefinedSettings, _init, _refined_step, "greedy, its step halved whenever nothing moves"
+)

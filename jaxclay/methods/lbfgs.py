@@ -1,0 +1,64 @@
+"""``lbfgs``, ``lbfgs-preconditioned`` and ``optax-lbfgs``: limited-memory quasi-Newton.
+
+The iterations are jaxopt's and optax's own (Liu and Nocedal 1989, zoom line
+search); stages, coordinates and stopping are in :mod:`jaxclay.methods.smoothed`.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import jax.numpy as jnp
+
+from jaxclay.methods.smoothed import Descent, method
+
+_MEMORY = 10
+
+
+def _jaxopt_lbfgs(fun):
+    with warnings.catch_warnings():
+        warnings.filterwarnings(
+            "ignore", message="JAXopt is no longer maintained", category=DeprecationWarning
+        )
+        import jaxopt
+
+    return jaxopt.LBFGS(fun, history_size=_MEMORY, tol=0.0, implicit_diff=False)
+
+
+def _jaxopt_init(fun, x):
+    return _jaxopt_lbfgs(fun).init_state(x)
+
+
+def _jaxopt_advance(fun, x, state):
+    new, state = _jaxopt_lbfgs(fun).update(x, state)
+    return new, state, state.error, state.failed_linesearch | jnp.all(new == x)
+
+
+def _optax_lbfgs():
+    import optax
+
+    return optax.lbfgs(memory_size=_MEMORY)
+
+
+def _optax_init(fun, x):
+    return _optax_lbfgs().init(x)
+
+
+def _optax_advance(fun, x, state):
+    import optax
+
+    value, gradient = optax.value_and_grad_from_state(fun)(x, state=state)
+    updates, state = _optax_lbfgs().update(
+        gradient, state, x, value=value, grad=gradient, value_fn=fun
+    )
+    new = optax.apply_updates(x, updates)
+    size = jnp.linalg.norm(optax.tree.get(state, "grad"))
+    return new, state, size, jnp.all(new == x)
+
+
+_JAXOPT = Descent(_jaxopt_init, _jaxopt_advance)
+_OPTAX = Descent(_optax_init, _optax_advance)
+
+PLAIN = method(_JAXOPT, False, "jaxopt's L-BFGS in the heights as they are")
+PRECONDITIONED = method(_JAXOPT, True, "jaxopt's L-BFGS in coordinates of the start's Hessian")
+OPTAX = method(_OPTAX, False, "optax's L-BFGS in the heights as they are")
