@@ -1,6 +1,31 @@
+"""Differentiable virtual clay: rotationally symmetric deformation by energy minimisation."""
+
+from jaxclay.certificate import Certificate as Certificate
 from jaxclay.clay import Clay as Clay, Material as Material
+from jaxclay.contour import area_error as area_error, contour_error as contour_error
+from jaxclay.energy import Terms as Terms
 from jaxclay.methods import METHODS as METHODS
-from jaxclay.minimize import Status as Status, deform as deform, minimize as minimize
-from jaxclay.problem import pose as pose, total_energy as total_energy
-from jaxclay.scm import rough_shape as rough_shape
+from jaxclay.minimize import (
+    Solution as Solution,
+    Status as Status,
+    deform as deform,
+    minimize as minimize,
+)
+from jaxclay.problem import (
+    Problem as Problem,
+    bending_energy as bending_energy,
+    friction_energy as friction_energy,
+    pose as pose,
+    strain_energy as strain_energy,
+    tension_energy as tension_energy,
+    total_energy as total_energy,
+)
+from jaxclay.profiles import (
+    PROFILES as PROFILES,
+    load_profile as load_profile,
+    save_profile as save_profile,
+)
+from jaxclay.scm import RoughShape as RoughShape, rough_shape as rough_shape
 from jaxclay.squash import Squash as Squash
+
+__version__ = "0.1.0"

@@ -38,6 +38,7 @@ class Rest(NamedTuple):
 
     @property
     def slices(self) -> int:
+        """The number n of slices."""
         return self.thickness.shape[0]
 
     def material_at(self, height: Array) -> Array:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import dataclasses
 import enum
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import in_float64, is_concrete, is_transformed, pytree
-from jaxclay.certificate import Certificate, certify
+from jaxclay.certificate import Certificate, Forces, certify
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.energy import Terms
 from jaxclay.methods import METHODS
-from jaxclay.methods.base import State
 from jaxclay.problem import Problem, pose
 from jaxclay.schemes.paper import Point
 from jaxclay.scm import RoughShape, rough_shape
@@ -160,15 +159,22 @@ def minimize(
     chosen = method_settings(method, settings)
     rough = rough_shape(problem)
     point = rough.point if start is None else start_from(problem, start)
-    state, finite = solve(problem, point, chosen, method, rough.feasible)
+    outcome = in_float64(
+        "minimize", partial(solve, method=method), problem, point, chosen, rough.feasible
+    )
+    return conclude(problem, rough, outcome, method)
+
+
+def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
+    """Judge where a method ended, and say so."""
     clay, terms, certificate, code = in_float64(
-        "minimize", _conclude, problem, state, finite, rough.feasible
+        "minimize", _judge, problem, outcome, rough.feasible
     )
     return Solution(
         clay=clay,
         energy=terms.total,
         terms=terms,
-        iterations=state.iterations,
+        iterations=outcome.iterations,
         certificate=certificate,
         rough=rough,
         problem=problem,
@@ -176,13 +182,6 @@ def minimize(
         error_estimate=None,
         method=method,
     )
-
-
-def solve(
-    problem: Problem, start: Point, settings: Any, method: str, feasible: Array = True
-) -> tuple[State, Array]:
-    """The method alone, without a judge: its last state, and whether all stayed finite."""
-    return in_float64("minimize", partial(_solve, method=method), problem, start, settings, feasible)
 
 
 def method_settings(method: str, settings: dict[str, Any]) -> Any:
@@ -224,40 +223,56 @@ def _imposed(problem: Problem, heights: Array) -> Point:
     return problem.imposed(problem.point(heights))
 
 
+class Outcome(NamedTuple):
+    """Where a method ended: its last finite point, and how it came to end."""
+
+    point: Point
+    forces: Forces
+    iterations: Array
+    finished: Array
+    finite: Array
+
+
 @partial(jax.jit, static_argnames="method")
-def _solve(
-    problem: Problem, start: Point, settings: Any, feasible: Array, method: str
-) -> tuple[State, Array]:
-    """The method's loop: stops at its own rule, the limit, or the first non-finite step."""
+def solve(
+    problem: Problem, start: Point, settings: Any, feasible: Array, *, method: str
+) -> Outcome:
+    """The method's loop, without the judge: one compiled call.
+
+    Stops by the method's own rule, at the limit, or before the first step that
+    is not finite.
+    """
     chosen = METHODS[method]
 
     def body(carry):
         state, _ = carry
         new = chosen.step(problem, state, settings)
         finite = _finite(new.point)
-        kept = jax.tree.map(lambda a, b: jnp.where(finite, a, b), new, state)
-        return kept, finite
+        return jax.tree.map(lambda a, b: jnp.where(finite, a, b), new, state), finite
 
     def go_on(carry):
         state, finite = carry
         return finite & ~state.finished & (state.iterations < settings.max_iterations)
 
     state = chosen.init(problem, start, settings)
-    return jax.lax.while_loop(go_on, body, (state, feasible & _finite(state.point)))
+    first = (state, feasible & _finite(state.point))
+    state, finite = jax.lax.while_loop(go_on, body, first)
+    return Outcome(state.point, state.forces, state.iterations, state.finished, finite)
 
 
 @jax.jit
-def _conclude(problem: Problem, state: State, finite: Array, feasible: Array):
+def _judge(problem: Problem, outcome: Outcome, feasible: Array):
     """The shape, its terms, its certificate and the status code."""
     rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
-    point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), state.point, rest)
+    point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
     terms = problem.terms(point)
-    certificate = certify(problem, point, state.forces)
-    limit = jnp.where(state.finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
-    code = jnp.where(certificate.accepted, Status.CONVERGED.value, limit)
-    code = jnp.where(finite & jnp.isfinite(terms.total), code, Status.NON_FINITE.value)
+    certificate = certify(problem, point, outcome.forces)
+    finite = outcome.finite & jnp.isfinite(terms.total)
+    code = jnp.where(outcome.finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
+    code = jnp.where(certificate.accepted, Status.CONVERGED.value, code)
+    code = jnp.where(finite, code, Status.NON_FINITE.value)
     code = jnp.where(feasible, code, Status.INFEASIBLE.value)
-    accepted = certificate.accepted & (code == Status.CONVERGED.value)
+    accepted = code == Status.CONVERGED.value
     certificate = dataclasses.replace(certificate, accepted=accepted)
     return problem.shape(point), terms, certificate, code
 

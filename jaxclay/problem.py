@@ -130,6 +130,7 @@ def pose(clay: Clay, squash: Squash, material: Material, scheme: str = "paper") 
     squash : Squash
         In the clay's length unit.
     material : Material
+        Its constants.
     scheme : str
         "paper" (eqs. 20-22).
 
@@ -213,6 +214,6 @@ def _check_band(problem: Problem, squash: Squash) -> None:
     share = float(problem.band.upper - problem.band.lower)
     raise ValueError(
         f"the band from {float(squash.bottom):g} to {float(squash.top):g} holds {share:.3g} of "
-        f"the clay, which fixes {held.sum()} of the nodes of {problem.slices} slices and so imposes "
-        f"no radius: use at least {int(np.ceil(2 / share))} slices (2/{share:.3g})"
+        f"the clay, which fixes {held.sum()} of the nodes of {problem.slices} slices and so "
+        f"imposes no radius: use at least {int(np.ceil(2 / share))} slices (2/{share:.3g})"
     )

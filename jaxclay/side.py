@@ -104,6 +104,7 @@ def solve_side(side: Side, material: Material) -> Push:
         return jnp.where(under, middle, low), jnp.where(under, high, middle)
 
     low, high = jax.lax.fori_loop(0, _BISECTIONS, bisect, (low, high))
+
     # D is quadratic near its root: Newton finishes, and carries the derivative of sigma.
     def newton(_, sigma):
         sigma = jax.lax.stop_gradient(sigma)
@@ -123,7 +124,9 @@ def solve_side(side: Side, material: Material) -> Push:
         sigma=sigma,
         case=jnp.where(span > 0, case, 0),
         reach=jnp.where(moves, jnp.minimum(_divide(sigma, rate, jnp.inf), span), 0.0),
-        floored=moves & (side.displacement > 0) & jnp.any(_pieces(side, material, sigma).saturated > 0),
+        floored=moves
+        & (side.displacement > 0)
+        & jnp.any(_pieces(side, material, sigma).saturated > 0),
         feasible=~side.held | (side.displacement <= room) | (span == 0),
     )
 
@@ -132,8 +135,7 @@ def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push
     """Both sides of a band, solved at once."""
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *pair)
     pushes = jax.vmap(solve_side, in_axes=(0, None))(stacked, material)
-    below, above = (jax.tree.map(lambda leaf: leaf[j], pushes) for j in range(2))
-    return below, above
+    return jax.tree.map(lambda leaf: leaf[0], pushes), jax.tree.map(lambda leaf: leaf[1], pushes)
 
 
 def slope_change(side: Side, material: Material, sigma: Array) -> Array:

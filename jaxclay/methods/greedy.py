@@ -194,7 +194,10 @@ def _visit(problem: Problem, lanes: _Lanes, step, running) -> tuple[_Lanes, Arra
     up = change[0] <= change[1]
     moves = running & lanes.free[3] & (jnp.minimum(change[0], change[1]) < 0)
     by = jnp.where(moves, jnp.where(up, step, -step), 0.0)
-    pick = lambda pair, old: jnp.where(moves, jnp.where(up, pair[0], pair[1]), old)  # noqa: E731
+
+    def pick(pair, old):
+        return jnp.where(moves, jnp.where(up, pair[0], pair[1]), old)
+
     T, R, S = lanes.thickness, lanes.radius, lanes.shift
     moved = lanes._replace(
         thickness=jnp.stack([T[0], T[1], T[2] + by, T[3] - above * by]),
@@ -239,7 +242,8 @@ def _energy_change(problem, lanes, t, X, exists, delta, lower_change, upper_chan
     for j in range(4):
         second = X[j] - 2 * X[j + 1] + X[j + 2]
         bending += triples[j] * grows(second, dX[j] - 2 * dX[j + 1] + dX[j + 2])
-    return m.k / 2 / n * strain + m.mu / n * friction + m.alpha * n * tension + m.beta * n**3 * bending
+    moved = m.k / 2 * strain + m.mu * friction
+    return moved / n + m.alpha * n * tension + m.beta * n**3 * bending
 
 
 GREEDY = Method(GreedySettings, _init, _greedy_step, "the paper's greedy search, one step size")

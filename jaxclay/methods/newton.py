@@ -36,15 +36,15 @@ _TO_BOUNDARY = 0.99  # of the way to the floor that a step may go
 @pytree
 @dataclasses.dataclass(frozen=True)
 class NewtonSettings:
-    """tolerance: energy to be gained, relative to E_free, below which the solve ends."""
+    """tolerance: energy left to gain, relative to E_free, at which the solve ends."""
 
     max_iterations: Array = 200
-    tolerance: Array = 1e-13
+    tolerance: Array = 1e-14
 
     def __post_init__(self):
         if is_concrete(self):
             check_setting("max_iterations", self.max_iterations, 1)
-            check_setting("tolerance", self.tolerance, 1e-15, 1e-3)
+            check_setting("tolerance", self.tolerance, 1e-15, 1.0)
 
 
 class _Memory(NamedTuple):
@@ -61,14 +61,14 @@ class _System(NamedTuple):
 
 
 def init(problem: Problem, start: Point, settings: NewtonSettings) -> State:
+    """Start off the floor, with multipliers that fit the smoothing."""
     point = _interior(problem, start)
     limit = friction_limit(problem)
     eps = jnp.asarray(_FIRST_EPS)
     lam = limit * point.shift / jnp.sqrt(point.shift**2 + eps**2)
-    gain = jnp.maximum(problem.free_terms(point).total, 0.0)
-    weight = _barrier(problem, eps, gain)
+    memory = _Memory(eps, jnp.maximum(problem.free_terms(point).total, 0.0))
+    weight = _barrier(problem, point, memory)
     forces = Forces(lam, jnp.where(problem.loose, weight / _room(problem, point), 0.0))
-    memory = _Memory(eps, gain)
     return State(point, forces, jnp.asarray(0), ~jnp.any(problem.free), memory)
 
 
@@ -77,7 +77,7 @@ def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
     point, (lam, z), memory = state.point, state.forces, state.memory
     eps, limit, d = memory.eps, friction_limit(problem), point.shift
     phi = jnp.sqrt(d**2 + eps**2)
-    weight = _barrier(problem, eps, memory.gain)
+    weight = _barrier(problem, point, memory)
     system = _system(problem, point, z, weight)
     curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
     gradient = system.gradient + limit * d / phi
@@ -85,16 +85,16 @@ def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
     delta = -jax.scipy.linalg.cho_solve((factor, True), gradient)
     gain = -gradient @ delta / 2
 
-    length, energy = _line_search(problem, point, delta, gain, eps, weight)
+    length = _line_search(problem, point, delta, gain, eps, weight)
     moved = point.moved(length * delta)
     lam = jnp.clip(lam + length * (limit * d / phi - lam + curvature * delta), -limit, limit)
     forces = Forces(lam, _floor_step(problem, point, z, delta, weight))
 
-    gate = settings.tolerance * jnp.maximum(jnp.abs(energy), SMALL)
-    solved = (gain <= 0.1 * eps * jnp.sum(limit) + gate) & (length == 1) | (length == 0)
-    finished = solved & (eps <= _LAST_EPS)
+    gate = settings.tolerance * jnp.maximum(problem.free_terms(point).total, SMALL)
+    solved = (gain <= 0.1 * eps * jnp.sum(limit) + gate) | (length == 0)
+    finished = solved & ((eps <= _LAST_EPS) | (eps * jnp.sum(limit) <= gate))
     smaller = jnp.maximum(jnp.minimum(0.1 * eps, eps**1.5), _LAST_EPS)
-    rests = finished & (jnp.abs(moved.shift) <= 100 * _LAST_EPS)
+    rests = finished & (jnp.abs(moved.shift) <= 100 * eps)
     memory = _Memory(jnp.where(solved, smaller, eps), jnp.maximum(gain, 0.0))
     return State(
         _rest_exactly(problem, moved, rests), forces, state.iterations + 1, finished, memory
@@ -124,7 +124,7 @@ def _factor(problem, point, matrix, added):
     )
 
 
-def _line_search(problem, point, delta, gain, eps, weight) -> tuple[Array, Array]:
+def _line_search(problem, point, delta, gain, eps, weight) -> Array:
     """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
     limit = friction_limit(problem)
 
@@ -142,8 +142,7 @@ def _line_search(problem, point, delta, gain, eps, weight) -> tuple[Array, Array
     rounding = 1e-13 * jnp.abs(here)
     lowers = (there <= here - 2e-4 * lengths * gain + rounding) | (gain <= rounding)
     lowers = lowers & jnp.isfinite(there)
-    length = jnp.where(jnp.any(lowers), lengths[jnp.argmax(lowers)], 0.0)
-    return length, here
+    return jnp.where(jnp.any(lowers), lengths[jnp.argmax(lowers)], 0.0)
 
 
 def _longest(problem: Problem, point: Point, delta: Array) -> Array:
@@ -177,9 +176,14 @@ def _room(problem: Problem, point: Point) -> Array:
     return jnp.where(problem.loose, slack(problem, point), 1.0)
 
 
-def _barrier(problem: Problem, eps: Array, gain: Array) -> Array:
-    """Weight of the floor's logarithms: falls with eps, and is high while much is to be gained."""
-    return (problem.material.k * eps * jnp.minimum(eps, 1e-3) + _EAGER * gain) / problem.slices
+def _barrier(problem: Problem, point: Point, memory: _Memory) -> Array:
+    """Weight of the floor's logarithms: high while much is to be gained, and falling with eps.
+
+    Its least value keeps the slack above rounding and is no matter to the certificate.
+    """
+    least = 1e-12 * jnp.maximum(problem.free_terms(point).total, SMALL)
+    smoothing = problem.material.k * memory.eps * jnp.minimum(memory.eps, 1e-3)
+    return (least + smoothing + _EAGER * memory.gain) / problem.slices
 
 
 def _interior(problem: Problem, start: Point) -> Point:

@@ -105,9 +105,7 @@ def method(descent: Descent, preconditioned: bool, summary: str) -> Method:
 
         memory, finished = jax.lax.cond(ends, next_stage, lambda: (memory, jnp.asarray(False)))
         point = jax.tree.map(lambda a, b: jnp.where(ends, a, b), memory.base, point)
-        point = jax.tree.map(
-            lambda a, b: jnp.where(finished, a, b), _lifted(problem, point), point
-        )
+        point = jax.tree.map(lambda a, b: jnp.where(finished, a, b), _lifted(problem, point), point)
         return State(point, state.forces, state.iterations + 1, finished, memory)
 
     return Method(DescentSettings, init, step, summary)

@@ -1,0 +1,1 @@
+"""Comparison experiments: scenes, runner, results, charts, report (extra ``compare``)."""

@@ -1,0 +1,83 @@
+"""Pictures with Matplotlib: every function takes and returns an Axes (extra ``plot``)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+try:
+    import matplotlib.pyplot as plt
+    from matplotlib.axes import Axes
+except ImportError as error:  # pragma: no cover
+    raise ImportError(
+        "jaxclay.plots needs Matplotlib: pip install 'jaxclay[plot]'", name=error.name
+    ) from error
+
+from jaxclay.clay import Clay
+from jaxclay.contour import polyline
+from jaxclay.minimize import Solution
+from jaxclay.scm import RoughShape
+
+# Okabe and Ito's palette, told apart by colour-blind readers too.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C8C")
+CLAY = "#E8D5C0"
+
+
+def contour(clay: Clay, ax: Axes | None = None, *, fill: bool = False, **style) -> Axes:
+    """The clay's silhouette: both halves of the contour, radius against height.
+
+    Parameters
+    ----------
+    clay : Clay
+        What is drawn, in its own length unit.
+    ax : Axes, optional
+        Where; a new figure's if not given.
+    fill : bool
+        Whether the inside is tinted.
+    **style
+        Passed on to ``Axes.plot``, such as label, color, linestyle.
+    """
+    ax = ax or plt.subplots(figsize=(4, 4.5), layout="constrained")[1]
+    points = polyline(clay)
+    mirrored = points[::-1] * [-1, 1]
+    outline = np.concatenate([points, mirrored])
+    style = {"color": COLOURS[0], "linewidth": 1.5} | style
+    ax.plot(outline[:, 0], outline[:, 1], **style)
+    if fill:
+        ax.fill(outline[:, 0], outline[:, 1], color=CLAY, alpha=0.6, linewidth=0)
+    ax.set(xlabel="radius (clay's length unit)", ylabel="height (clay's length unit)")
+    ax.set_aspect("equal")
+    return ax
+
+
+def solution(answer: Solution, ax: Axes | None = None) -> Axes:
+    """The shape before the squash, the rough shape and the minimum, and the tool's band."""
+    problem = answer.problem
+    rough = rough_clay(answer.rough, problem.clay)
+    ax = contour(problem.clay, ax, color=COLOURS[7], linestyle=":", label="before")
+    contour(rough, ax, color=COLOURS[4], linestyle="--", label="rough shape (E_move)")
+    contour(answer.clay, ax, fill=True, label=f"{answer.method} (E_total)")
+    unit, tool = float(problem.clay.unit), problem.tool
+    ax.axhspan(float(tool.bottom) * unit, float(answer.rough.top), color=COLOURS[5], alpha=0.15)
+    ax.legend(fontsize="small", loc="upper right")
+    return ax
+
+
+def heights(answer: Solution, ax: Axes | None = None) -> Axes:
+    """Y(u) before, rough and at the minimum, as in Fig. 3 of the paper."""
+    ax = ax or plt.subplots(figsize=(5, 3.5), layout="constrained")[1]
+    clay = answer.problem.clay
+    u = np.linspace(0, 1, clay.slices + 1)
+    ax.plot(u, clay.heights, color=COLOURS[7], linestyle=":", label="before")
+    ax.plot(u, answer.rough.heights, color=COLOURS[4], linestyle="--", label="rough shape (E_move)")
+    ax.plot(u, answer.heights, color=COLOURS[0], label=f"{answer.method} (E_total)")
+    low, high = answer.rough.band
+    ax.axvspan(float(low), float(high), color=COLOURS[5], alpha=0.15, label="band")
+    ax.set(xlabel="material coordinate u", ylabel="height Y (clay's length unit)")
+    ax.legend(fontsize="small")
+    return ax
+
+
+def rough_clay(rough: RoughShape, clay: Clay) -> Clay:
+    """The rough shape as clay."""
+    thickness = np.asarray(rough.point.thickness) * clay.unit
+    return Clay(rough.heights, thickness, clay.r0, clay.unit)
