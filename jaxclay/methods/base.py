@@ -62,6 +62,32 @@ def no_forces(problem: Problem) -> Forces:
     return Forces(jnp.zeros_like(problem.rest.heights), jnp.zeros_like(problem.rest.thickness))
 
 
+def evened(problem: Problem, point: Point, fraction: Array) -> Point:
+    """The point moved by ``fraction`` towards each side of the band spread evenly.
+
+    Spread evenly between its ends a side is above the floor if it can be at all.
+    """
+    held = problem.band.holds(problem.slices)
+    upper = jnp.arange(problem.slices) >= jnp.argmax(held)
+    change = jnp.zeros_like(point.thickness)
+    for side in (problem.loose & ~upper, problem.loose & upper):
+        rest = jnp.where(side, problem.rest.thickness, 0.0)
+        now = jnp.where(side, point.thickness, 0.0)
+        even = rest * jnp.sum(now) / jnp.maximum(jnp.sum(rest), 1e-300)
+        change += jnp.where(side, fraction * (even - now), 0.0)
+    moved = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change)])
+    return Point(point.thickness + change, point.shift + jnp.where(problem.free, moved, 0.0))
+
+
+def lifted(problem: Problem, point: Point) -> Point:
+    """The point moved no further than needed for every slice to reach the floor."""
+    even = evened(problem, point, 1.0).thickness
+    low = problem.loose & (point.thickness < problem.floor)
+    gained = jnp.where(low, even - point.thickness, 1.0)
+    fraction = jnp.where(low, (problem.floor - point.thickness) / gained, 0.0)
+    return evened(problem, point, jnp.clip(jnp.max(fraction), 0.0, 1.0))
+
+
 def check_setting(name: str, value: float, low: float, high: float = float("inf")) -> None:
     """Raise unless low <= value <= high."""
     if not low <= float(value) <= high:

@@ -22,7 +22,7 @@ from jaxclay import local
 from jaxclay._host import is_concrete, pytree
 from jaxclay.certificate import SMALL, Forces, friction_limit, slack
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting
+from jaxclay.methods.base import Method, State, check_setting, evened
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -187,19 +187,9 @@ def _barrier(problem: Problem, point: Point, memory: _Memory) -> Array:
 
 
 def _interior(problem: Problem, start: Point) -> Point:
-    """The start, drawn off the floor where it touches: each side spread a little more evenly."""
-    held = problem.band.holds(problem.slices)
-    upper = jnp.arange(problem.slices) >= jnp.argmax(held)
-    even = start.thickness
-    for side in (problem.loose & ~upper, problem.loose & upper):
-        rest = jnp.sum(jnp.where(side, problem.rest.thickness, 0.0))
-        now = jnp.sum(jnp.where(side, start.thickness, 0.0))
-        spread = problem.rest.thickness * now / jnp.where(rest > 0, rest, 1.0)
-        even = jnp.where(side, spread, even)
+    """The start, drawn off the floor if it touches."""
     touches = jnp.min(_room(problem, start) / problem.rest.thickness) < 1e-3
-    change = jnp.where(touches, 0.1, 0.0) * (even - start.thickness)
-    moved = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change)])
-    return Point(start.thickness + change, start.shift + jnp.where(problem.free, moved, 0.0))
+    return evened(problem, start, jnp.where(touches, 0.1, 0.0))
 
 
 METHOD = Method(

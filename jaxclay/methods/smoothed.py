@@ -21,7 +21,7 @@ from jaxclay import local
 from jaxclay._host import is_concrete, pytree
 from jaxclay.certificate import SMALL, friction_limit
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, no_forces
+from jaxclay.methods.base import Method, State, check_setting, lifted, no_forces
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -105,8 +105,7 @@ def method(descent: Descent, preconditioned: bool, summary: str) -> Method:
 
         memory, finished = jax.lax.cond(ends, next_stage, lambda: (memory, jnp.asarray(False)))
         point = jax.tree.map(lambda a, b: jnp.where(ends, a, b), memory.base, point)
-        point = jax.tree.map(lambda a, b: jnp.where(finished, a, b), _lifted(problem, point), point)
-        return State(point, state.forces, state.iterations + 1, finished, memory)
+        return State(lifted(problem, point), state.forces, state.iterations + 1, finished, memory)
 
     return Method(DescentSettings, init, step, summary)
 
@@ -183,15 +182,3 @@ def _next_stage(problem: Problem, point: Point, memory: _Memory) -> tuple[_Memor
         base=base, x=jnp.zeros_like(memory.x), stage=stage, signs=signs, pinned=pinned
     )
     return following, agrees | (stage >= memory.ladder.shape[0] + _PINNINGS)
-
-
-def _lifted(problem: Problem, point: Point) -> Point:
-    """The point with slices below the floor lifted onto it, where a free end gives way."""
-    thickness = jnp.maximum(point.thickness, problem.floor)
-    raised = jnp.concatenate([jnp.zeros(1), jnp.cumsum(thickness - point.thickness)])
-    held = problem.fixed & (raised > 0)
-    ok = ~jnp.any(held)
-    return Point(
-        jnp.where(ok, thickness, point.thickness),
-        jnp.where(ok, point.shift + raised, point.shift),
-    )

@@ -1,0 +1,282 @@
+"""Run scenes x methods x slices: every answer judged, every time measured apart from compiling.
+
+Three kinds of rows come out, told apart by the column ``experiment``:
+
+- ``answer``: the method's default settings, the table's rows;
+- ``ladder``: fresh runs over a ladder of steps or tolerances, for the chart of
+  gap against time;
+- ``trace``: fresh runs stopped after more and more iterations, for E_total
+  against time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxclay._host import as_float64
+from jaxclay.clay import Clay
+from jaxclay.compare.scenes import Scene
+from jaxclay.contour import contour_error
+from jaxclay.minimize import Solution, conclude, method_settings, minimize, solve
+from jaxclay.problem import Problem, total_energy
+
+LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
+    "newton": ("tolerance", (1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11, 1e-14)),
+    "lbfgs": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "lbfgs-preconditioned": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "optax-lbfgs": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "greedy": ("step", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)),
+    "greedy-refined": ("smallest_step", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
+}
+STOPS = (1, 2, 4, 8, 16, 64, 256, 1024, 8192)
+_LONG = 0.2  # seconds: a run longer than that is not repeated as often
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What to run.
+
+    Attributes
+    ----------
+    scenes : list of Scene
+    methods : list of names from METHODS
+    slices : list of int, the table's grids
+    grids : list of int
+        Grids of the contour-error chart, for the scenes in ``on_grids``.
+    finest : int
+        The grid whose certified minimum contour errors are measured from.
+    on_grids, on_ladders : sets of scene names
+    repeats : int
+        Timed runs of each answer; the median counts.
+    """
+
+    scenes: list[Scene]
+    methods: list[str]
+    slices: list[int]
+    grids: list[int]
+    finest: int
+    on_grids: frozenset[str]
+    on_ladders: frozenset[str]
+    repeats: int = 5
+
+    def jobs(self) -> list[Job]:
+        """Every scene, units and grid that is run, coarse grids first."""
+        jobs = []
+        for scene in self.scenes:
+            slices = set(self.slices)
+            if scene.name in self.on_grids:
+                slices |= set(self.grids)
+            usable = sorted(n for n in slices if n >= scene.fewest_slices) or [scene.fewest_slices]
+            for units in scene.units:
+                jobs += [Job(scene, units, n, n == usable[0]) for n in usable]
+        return jobs
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """One scene in one of the units on one grid; the coarsest carries the ladders."""
+
+    scene: Scene
+    units: str
+    slices: int
+    coarsest: bool
+
+
+@dataclasses.dataclass
+class Overlay:
+    """Shapes for the overlay chart, from the first grid of a scene in one of the units."""
+
+    scene: str
+    units: str
+    slices: int
+    rest: Clay
+    rough: Clay
+    answers: dict[str, Clay]
+
+
+Row = dict[str, Any]
+
+
+def run(
+    plan: Plan, tick: Callable[[str], None] = lambda _: None
+) -> Iterator[tuple[Row, Overlay | None]]:
+    """Yield rows as they are measured; ``tick`` hears of each job and method begun."""
+    clock = _Clock(plan.repeats)
+    finest: dict[tuple[str, str], Clay | None] = {}
+    for job in plan.jobs():
+        yield from _run_job(plan, job, clock, finest, tick)
+
+
+def _run_job(plan, job, clock, finest, tick):
+    scene, units, n = job.scene, job.units, job.slices
+    try:
+        problem = scene.problems(units, n)[-1]
+    except (ValueError, RuntimeError) as error:
+        for method in plan.methods:
+            tick(f"{scene.name} {units} {n}")
+            yield _row(job, method, "answer") | {"status": "skipped", "reason": str(error)}, None
+        return
+    reference = minimize(problem)
+    target = _finest(plan, job, finest)
+    answers: dict[str, Clay] = {}
+    for method in plan.methods:
+        tick(f"{scene.name} {units} {n} {method}")
+        row, answer = _answer(job, method, "answer", problem, reference, clock)
+        row["contour_error_finest"] = _distance(answer.clay, target)
+        answers[method] = answer.clay
+        overlay = None
+        if job.coarsest and method == plan.methods[-1]:
+            rough = _rough(answer)
+            overlay = Overlay(scene.name, units, n, problem.clay, rough, answers)
+        yield row, overlay
+        if job.coarsest and scene.name in plan.on_ladders:
+            yield from _ladders(job, method, problem, reference, clock)
+
+
+def _ladders(job, method, problem, reference, clock):
+    setting, values = LADDERS[method]
+    for value in values:
+        row, _ = _answer(job, method, "ladder", problem, reference, clock, {setting: value})
+        yield row, None
+    for stop in STOPS:
+        row, _ = _answer(job, method, "trace", problem, reference, clock, {"max_iterations": stop})
+        yield row, None
+        if row["iterations"] < stop:
+            return
+
+
+def _finest(plan: Plan, job: Job, known: dict) -> Clay | None:
+    """The certified minimum on the finest grid, or None if it is not asked for or certified."""
+    key = job.scene.name, job.units
+    if job.scene.name not in plan.on_grids:
+        return None
+    if key not in known:
+        try:
+            answer = minimize(job.scene.problems(job.units, plan.finest)[-1])
+            known[key] = answer.clay if answer.certificate.accepted else None
+        except (ValueError, RuntimeError):
+            known[key] = None
+    return known[key]
+
+
+def _answer(
+    job, method, experiment, problem, reference, clock, settings=None
+) -> tuple[Row, Solution]:
+    """One method's answer as a row, judged against the certified minimum."""
+    settings = settings or {}
+    timing, answer = clock.time(problem, reference, method, settings)
+    certified = bool(reference.certificate.accepted)
+    scale = float(reference.certificate.energy_free)
+    gap = float(answer.energy - reference.energy)
+    row = _row(job, method, experiment) | timing
+    row |= {
+        "setting": next(iter(settings), ""),
+        "value": float(next(iter(settings.values()), float("nan"))),
+        "status": str(answer.status),
+        "reason": answer.message,
+        "case": answer.rough.case,
+        "case_below": answer.rough.case_below,
+        "floored": bool(answer.rough.floored),
+        "energy": float(answer.energy),
+        "energy_start": float(total_energy(problem, answer.rough.heights)),
+        "energy_minimum": float(reference.energy) if certified else float("nan"),
+        "energy_free": scale,
+        "gap": gap if certified else float("nan"),
+        "gap_relative": gap / scale if certified and scale > 0 else float("nan"),
+        "contour_error": _distance(answer.clay, reference.clay if certified else None),
+        "iterations": int(answer.iterations),
+        "unknowns": int(answer.unknowns),
+        "decrement": float(answer.certificate.decrement),
+        "step": float(answer.certificate.step),
+        "residual": float(answer.certificate.residual),
+        "positive": bool(answer.certificate.positive),
+        "visits_per_second": _visits(method, answer, timing["solve_s"]),
+        "paper_1993_s": 0.3 if method == "greedy" and job.slices == 64 else float("nan"),
+    }
+    return row, answer
+
+
+def _row(job: Job, method: str, experiment: str) -> Row:
+    return {
+        "experiment": experiment,
+        "scene": job.scene.name,
+        "units": job.units,
+        "slices": job.slices,
+        "method": method,
+    }
+
+
+def _visits(method: str, answer: Solution, seconds: float) -> float:
+    """Greedy's speed: free nodes visited a second, both candidate moves tried."""
+    if not method.startswith("greedy"):
+        return float("nan")
+    return int(answer.iterations) * int(answer.unknowns) / seconds
+
+
+def _rough(answer: Solution) -> Clay:
+    clay = answer.problem.clay
+    return Clay(answer.rough.heights, answer.rough.point.thickness * clay.unit, clay.r0, clay.unit)
+
+
+def _distance(clay: Clay, target: Clay | None) -> float:
+    return float("nan") if target is None else contour_error(clay, target)
+
+
+class _Clock:
+    """Times solves, with compiling apart: the first call of a method on a grid pays for it."""
+
+    def __init__(self, repeats: int):
+        self.repeats = repeats
+        self.compiled: dict[tuple[str, int], float] = {}
+
+    def time(self, problem: Problem, reference: Solution, method: str, settings: dict):
+        """The timing columns, and the answer."""
+        chosen = method_settings(method, settings)
+        rough = reference.rough
+        with jax.enable_x64(True):
+            arguments = jax.device_put(as_float64((problem, rough.point, chosen, rough.feasible)))
+
+            def once() -> tuple[float, Any]:
+                begin = time.perf_counter()
+                outcome = jax.block_until_ready(solve(*arguments, method=method))
+                return time.perf_counter() - begin, outcome
+
+            key = method, problem.slices
+            first = None
+            if key not in self.compiled:
+                first, outcome = once()
+            seconds, outcome = once()
+            if first is not None:
+                self.compiled[key] = max(first - seconds, 0.0)
+            repeats = self.repeats if seconds < _LONG else 2
+            times = np.array([seconds, *(once()[0] for _ in range(repeats - 1))])
+        answer = conclude(problem, rough, jax.tree.map(np.asarray, outcome), method)
+        timing = {
+            "compile_s": self.compiled[key],
+            "solve_s": float(np.median(times)),
+            "solve_s_least": float(times.min()),
+            "solve_s_most": float(times.max()),
+            "repeats": len(times),
+        }
+        return timing, answer
+
+
+def count_steps(plan: Plan) -> int:
+    """How many times :func:`run` calls ``tick``."""
+    return len(plan.jobs()) * len(plan.methods)
+
+
+def collect(items: Iterable[tuple[Row, Overlay | None]]) -> tuple[list[Row], list[Overlay]]:
+    """Rows and overlays from :func:`run`."""
+    rows, overlays = [], []
+    for row, overlay in items:
+        rows.append(row)
+        if overlay is not None:
+            overlays.append(overlay)
+    return rows, overlays
