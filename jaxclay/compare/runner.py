@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -265,18 +265,3 @@ class _Clock:
             "repeats": len(times),
         }
         return timing, answer
-
-
-def count_steps(plan: Plan) -> int:
-    """How many times :func:`run` calls ``tick``."""
-    return len(plan.jobs()) * len(plan.methods)
-
-
-def collect(items: Iterable[tuple[Row, Overlay | None]]) -> tuple[list[Row], list[Overlay]]:
-    """Rows and overlays from :func:`run`."""
-    rows, overlays = [], []
-    for row, overlay in items:
-        rows.append(row)
-        if overlay is not None:
-            overlays.append(overlay)
-    return rows, overlays

@@ -81,11 +81,10 @@ def _greedy_step(problem: Problem, state: State, settings: GreedySettings) -> St
 
 def _refined_step(problem: Problem, state: State, settings: RefinedSettings) -> State:
     state = _block(problem, state, settings)
-    half = state.memory / 2
-    # Halved steps differ from the smallest by rounding.
-    last = half < settings.smallest_step * (1 - 1e-9)
+    at_end = state.memory <= settings.smallest_step
+    halved = jnp.maximum(state.memory / 2, settings.smallest_step)
     return state._replace(
-        finished=state.finished & last, memory=jnp.where(state.finished, half, state.memory)
+        finished=state.finished & at_end, memory=jnp.where(state.finished, halved, state.memory)
     )
 
 

@@ -28,7 +28,7 @@ from jaxclay.schemes.paper import Point
 # Smoothing of friction, over the unit l.  In Y the kinks soon stop L-BFGS; scaled coordinates
 # take them up.
 _PLAIN_EPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-_SCALED_EPS = (*_PLAIN_EPS, 1e-8, 1e-10, 1e-12)
+_SCALED_EPS = (*_PLAIN_EPS, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 _PINNINGS = 10
 _PENALTY = 1e3  # first weight of the floor's penalty over k; grows as eps falls
 

@@ -1,0 +1,183 @@
+"""The command line: ``jaxclay compare`` and ``jaxclay deform``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+import jaxclay
+
+_DEFORM_STATUS_FAILED = 1
+_BAD_INPUT = 2
+_INTERRUPTED = 130
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; 0 if it went well, 2 on bad input, 130 on Ctrl-C."""
+    options = _parser().parse_args(arguments)
+    keep_compilations()
+    try:
+        return options.run(options)
+    except (ValueError, OSError, ImportError) as error:
+        print(f"jaxclay {options.command}: error: {error}", file=sys.stderr)
+        return _BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"jaxclay {options.command}: interrupted", file=sys.stderr)
+        return _INTERRUPTED
+
+
+def keep_compilations() -> None:
+    """Keep JAX's compilations on disk, so that the second run of anything starts at once."""
+    import jax
+
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache / "jaxclay" / "compilations"))
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="jaxclay", description=jaxclay.__doc__)
+    parser.add_argument("--version", action="version", version=jaxclay.__version__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    _add_compare(commands)
+    _add_deform(commands)
+    return parser
+
+
+def _add_compare(commands) -> None:
+    compare = commands.add_parser(
+        "compare",
+        help="methods side by side on many scenes: table, charts, report",
+        description="Run scenes x methods x slices, print one table, and write results.parquet, "
+        "report.html and PNG charts.",
+    )
+    compare.add_argument("--out", type=Path, default=Path("out/compare"), help="output folder")
+    compare.add_argument("--scenes", nargs="+", metavar="NAME", help="only these scenes")
+    compare.add_argument("--methods", nargs="+", metavar="NAME", help="only these methods")
+    compare.add_argument(
+        "--slices", nargs="+", type=int, metavar="N", help="grids of the table (default 64 128)"
+    )
+    compare.add_argument(
+        "--profiles", type=Path, metavar="FOLDER", help="add every CSV profile in FOLDER"
+    )
+    compare.add_argument("--quick", action="store_true", help="few scenes, 64 slices, few repeats")
+    compare.set_defaults(run=_compare)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from jaxclay.compare.command import compare
+
+    return compare(
+        out=options.out,
+        scenes=options.scenes,
+        methods=options.methods,
+        slices=options.slices,
+        profiles=options.profiles,
+        quick=options.quick,
+    )
+
+
+def _add_deform(commands) -> None:
+    deform = commands.add_parser(
+        "deform",
+        help="squash a profile and write the new one",
+        description="Squash a profile, several times in succession if asked, and write its contour "
+        "as CSV.",
+    )
+    deform.add_argument(
+        "profile", help=f"{', '.join(jaxclay.PROFILES)}, or a CSV file with height,radius"
+    )
+    deform.add_argument(
+        "--squash", action="append", required=True, metavar="BOTTOM:TOP:RADIUS",
+        help="in the profile's length unit; repeat it for a succession",
+    )  # fmt: skip
+    deform.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    deform.add_argument("--plot", type=Path, help="picture to write (PNG, SVG, PDF)")
+    deform.add_argument("--slices", type=int, help="default 64, or what a jaxclay file has")
+    deform.add_argument("--method", default="newton", help=f"one of {', '.join(jaxclay.METHODS)}")
+    deform.add_argument("--top-fixed", action="store_true", help="hold the clay's upper end")
+    for name in ("k", "mu", "alpha", "beta"):
+        deform.add_argument(f"--{name}", type=float, default=1.0, help="default 1")
+    deform.add_argument(
+        "--units", choices=("snake", "printed"), default="snake",
+        help="of alpha and beta: raw differences of 64 slices (default), or as printed (eq. 21)",
+    )  # fmt: skip
+    deform.set_defaults(run=_deform)
+
+
+def _deform(options: argparse.Namespace) -> int:
+    squashes = [parse_squash(text, options.top_fixed) for text in options.squash]
+    make = jaxclay.Material.from_snake_units if options.units == "snake" else jaxclay.Material
+    material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
+    clay = jaxclay.load_profile(options.profile, slices=options.slices)
+    for target in filter(None, (options.out, options.plot)):
+        if not target.absolute().parent.is_dir():
+            raise ValueError(f"no folder {target.absolute().parent} to write {target.name} into")
+    solution = None
+    for text, squash in zip(options.squash, squashes, strict=True):
+        solution = jaxclay.deform(clay, squash, material, method=options.method)
+        print(describe(text, solution))
+        if solution.status in (jaxclay.Status.INFEASIBLE, jaxclay.Status.NON_FINITE):
+            print(f"jaxclay deform: error: {solution.message}", file=sys.stderr)
+            return _BAD_INPUT
+        clay = solution.clay
+    assert solution is not None  # --squash is required
+    if options.plot:
+        _plot(solution, options.plot)
+    jaxclay.save_profile(clay, options.out)
+    print(f"wrote {options.out}" + (f" and {options.plot}" if options.plot else ""))
+    return 0
+
+
+def parse_squash(text: str, top_fixed: bool = False) -> jaxclay.Squash:
+    """A squash from BOTTOM:TOP:RADIUS.
+
+    Raises
+    ------
+    ValueError
+        Not three numbers, or not a squash.
+    """
+    parts = text.split(":")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise ValueError(f"--squash {text!r} is not BOTTOM:TOP:RADIUS, three numbers, as 0:0.3:0.4")
+    return jaxclay.Squash(*numbers, top_fixed=top_fixed)
+
+
+def describe(text: str, solution: jaxclay.Solution) -> str:
+    """What a squash did, in a few lines."""
+    rough, certificate, terms = solution.rough, solution.certificate, solution.terms
+    case = f"case {rough.case}" + (
+        f", below {rough.case_below}" if rough.case_below != "none" else ""
+    )
+    radii = solution.clay.radii
+    floor = ", thickness floor active" if certificate.on_floor or rough.floored else ""
+    return "\n".join(
+        (
+            f"squash {text}: {case}{floor}, {solution.status} after {int(solution.iterations)} "
+            f"iterations of {solution.method}",
+            f"  band {float(rough.bottom):.6g} to {float(rough.top):.6g}, "
+            f"reach u1 = {float(rough.reach):.4g}",
+            f"  E_total {float(solution.energy):.8g} = strain {float(terms.strain):.4g} + friction "
+            f"{float(terms.friction):.4g} + tension {float(terms.tension):.4g} + bending "
+            f"{float(terms.bending):.4g}; can still gain {float(certificate.decrement):.1e}",
+            f"  height {float(solution.clay.height):.6g}, radius {float(radii.min()):.6g} to "
+            f"{float(radii.max()):.6g}, volume {float(solution.clay.volume):.8g}",
+        )
+    )
+
+
+def _plot(solution: jaxclay.Solution, path: Path) -> None:
+    from jaxclay import plots
+    from jaxclay.profiles import replacing
+
+    figure = plots.solution(solution).figure
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=150)

@@ -1,0 +1,127 @@
+"""``jaxclay compare``: plan, run with a progress bar, print, write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+try:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from jaxclay.compare import report, results
+except ImportError as error:
+    raise ImportError(
+        f"jaxclay compare needs {error.name}: pip install 'jaxclay[compare]'", name=error.name
+    ) from error
+
+from jaxclay.compare.runner import Overlay, Plan, Row, run
+from jaxclay.compare.scenes import Scene, folder_scenes, packaged_scenes
+from jaxclay.methods import METHODS
+
+_QUICK_SCENES = ("reference", "fig4b", "fig6", "teapot", "amphora")
+_MOST_SLICES = 1024  # dense methods
+
+
+def compare(
+    out: Path,
+    scenes: list[str] | None = None,
+    methods: list[str] | None = None,
+    slices: list[int] | None = None,
+    profiles: Path | None = None,
+    quick: bool = False,
+) -> int:
+    """Run the comparison; 0, or 130 if it was interrupted and only a part was written.
+
+    Raises
+    ------
+    ValueError
+        An unknown scene or method, too few or too many slices, no CSV in the folder.
+    """
+    plan = make_plan(scenes, methods, slices, profiles, quick)
+    out.mkdir(parents=True, exist_ok=True)
+    rows: list[Row] = []
+    overlays: list[Overlay] = []
+    interrupted = False
+    try:
+        _run(plan, rows, overlays)
+    except KeyboardInterrupt:
+        interrupted = True
+    console = Console()
+    if not any(row["status"] != "skipped" for row in rows):
+        console.print("nothing was measured; nothing is written")
+        return 130 if interrupted else 1
+    table = results.frame(rows)
+    results.print_table(table, console)
+    for line in results.skipped(table):
+        console.print(f"skipped {line}", highlight=False, soft_wrap=True)
+    written = [results.save(table, out), *report.write(table, overlays, out)]
+    if interrupted:
+        console.print("interrupted: what had been measured is written")
+    console.print(f"wrote {len(written)} files to {out}, among them report.html", soft_wrap=True)
+    return 130 if interrupted else 0
+
+
+def make_plan(
+    scenes: list[str] | None,
+    methods: list[str] | None,
+    slices: list[int] | None,
+    profiles: Path | None,
+    quick: bool,
+) -> Plan:
+    """The default plan, narrowed or widened as asked."""
+    known = packaged_scenes()
+    added = folder_scenes(profiles) if profiles else {}
+    chosen = _choose("scene", scenes, known | added)
+    if scenes is None and quick:
+        chosen = [known[name] for name in _QUICK_SCENES] + list(added.values())
+    names = methods or list(METHODS)
+    for name in names:
+        if name not in METHODS:
+            raise ValueError(f"unknown method {name!r}: choose from {', '.join(METHODS)}")
+    grids = slices or ([64] if quick else [64, 128])
+    for n in grids:
+        if not 8 <= n <= _MOST_SLICES:
+            raise ValueError(f"slices must lie between 8 and {_MOST_SLICES}, got {n}")
+    # The reference's band ends on a node of all these grids, so that their errors fall in order.
+    featured = [scene.name for scene in chosen if scene.name in ("reference", "amphora")]
+    featured = frozenset(featured or [chosen[0].name])
+    return Plan(
+        scenes=chosen,
+        methods=names,
+        slices=sorted(set(grids)),
+        grids=[32, 64, 128] if quick else [32, 64, 128, 256],
+        finest=256 if quick else 512,
+        on_grids=frozenset(["reference"]) & featured if quick else featured,
+        on_ladders=featured,
+        repeats=3 if quick else 5,
+    )
+
+
+def _choose(kind: str, names: list[str] | None, known: dict[str, Scene]) -> list[Scene]:
+    for name in names or ():
+        if name not in known:
+            raise ValueError(f"unknown {kind} {name!r}: choose from {', '.join(known)}")
+    return [known[name] for name in names] if names else list(known.values())
+
+
+def _run(plan: Plan, rows: list[Row], overlays: list[Overlay]) -> None:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task("", total=len(plan.jobs()) * len(plan.methods))
+        begun = 0
+
+        def tick(what: str) -> None:
+            nonlocal begun
+            progress.update(task, completed=begun, description=f"{what:<45.45}")
+            begun += 1
+
+        for row, overlay in run(plan, tick):
+            rows.append(row)
+            if overlay is not None:
+                overlays.append(overlay)
+        progress.update(task, completed=begun, description=f"{'done':<45}")

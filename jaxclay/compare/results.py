@@ -1,0 +1,109 @@
+"""Results of a comparison: one table of every figure, and what ran on what."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+
+import jaxclay
+from jaxclay.profiles import replacing
+
+_PACKAGES = ("jax", "jaxlib", "jaxopt", "optax", "numpy")
+
+
+def versions() -> dict[str, str]:
+    """Versions and machine, one column each."""
+    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
+    return {
+        "jaxclay": jaxclay.__version__,
+        **packages,
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "dtype": "float64",
+        "device": "cpu",
+    }
+
+
+def frame(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """The rows as a table, with the versions of what ran in every row."""
+    return pd.DataFrame(rows).assign(**versions())
+
+
+def save(table: pd.DataFrame, folder: Path) -> Path:
+    """Write ``results.parquet``, whole or not at all."""
+    path = folder / "results.parquet"
+    with replacing(path) as temporary:
+        table.to_parquet(temporary, index=False)
+    return path
+
+
+def answers(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows that the printed table shows: each method's default settings."""
+    return table[table.experiment == "answer"]
+
+
+def print_table(table: pd.DataFrame, console: Console) -> None:
+    """One line an answer, a rule between scenes."""
+    # Without a terminal there is no width to keep to.
+    if not console.is_terminal:
+        console.width = 150
+    view = Table(title="jaxclay compare", box=None, pad_edge=False)
+    for name, justify in COLUMNS.items():
+        view.add_column(name, justify=justify, no_wrap=True)
+    before = None
+    for row in answers(table).itertuples():
+        here = row.scene, row.units, row.slices
+        first = tuple(map(str, here)) if here != before else ("", "", "")
+        view.add_row(*first, *cells(row), end_section=False)
+        before = here
+    console.print(view)
+
+
+COLUMNS = {
+    "scene": "left",
+    "units": "left",
+    "slices": "right",
+    "method": "left",
+    "status": "left",
+    "gap / E_free": "right",
+    "contour error": "right",
+    "compile s": "right",
+    "solve s": "right",
+    "iterations": "right",
+    "1993": "right",
+}
+
+
+def cells(row: Any) -> tuple[str, ...]:
+    """A row's cells from "method" on."""
+    if row.status == "skipped":
+        return row.method, "skipped", "", "", "", "", "", ""
+    paper = "0.3 s" if row.paper_1993_s == row.paper_1993_s else ""
+    return (
+        row.method,
+        row.status,
+        number(row.gap_relative, ".1e", "not certified"),
+        number(row.contour_error, ".1e", ""),
+        f"{row.compile_s:.2f}",
+        number(row.solve_s, ".2e", ""),
+        f"{int(row.iterations)}",
+        paper,
+    )
+
+
+def number(value: float, spec: str, otherwise: str) -> str:
+    """The value formatted, or what stands for a missing one."""
+    return format(value, spec) if value == value else otherwise
+
+
+def skipped(table: pd.DataFrame) -> list[str]:
+    """What was skipped and why, once a scene and grid."""
+    rows = table[table.status == "skipped"].drop_duplicates(["scene", "units", "slices"])
+    return [f"{r.scene} ({r.units}, {r.slices} slices): {r.reason}" for r in rows.itertuples()]
