@@ -18,6 +18,7 @@ from jaxclay.clay import Array, Material
 from jaxclay.side import Side, edge_tension, move_energy, solve_sides
 
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
+_LEAST = 1e-3  # of a slice: least clay below a band above the bottom
 _BISECTIONS = 40
 _SCANNED_AT_ONCE = 256
 
@@ -120,7 +121,8 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     height = rest.heights[-1]
     density = (tool.radius / rest.r0) ** 2
     share = density * (tool.top - tool.bottom)
-    at_bottom = tool.bottom <= 0
+    # Below it no clay could fill the height under the band.
+    at_bottom = tool.bottom <= _LEAST / rest.slices * height
     start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
     swallows = (start + share >= 1) & ~tool.top_fixed
     low, high, feasible = _search_range(rest, tool, material, share)
@@ -143,7 +145,6 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
 def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
     """Lower edges that push both sides the same way and leave both sides room."""
     height = rest.heights[-1]
-    least = 1e-3 / rest.slices  # the clay below the band cannot fill its height from nothing
     one = rest.material_at(tool.bottom)
     other = rest.material_at(jnp.minimum(tool.top, height)) - share
     other = jnp.minimum(other, 1 - share)
@@ -153,7 +154,7 @@ def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
     deepest = height - (height - tool.top) / material.floor
     held_low = rest.material_at(deepest) - share
     low = jnp.where(tool.top_fixed & (deepest > 0), jnp.maximum(low, held_low), low)
-    low = jnp.maximum(low, least)
+    low = jnp.maximum(low, _LEAST / rest.slices)
     feasible = (low <= high) | ~tool.top_fixed
     return low, jnp.maximum(high, low), feasible
 
@@ -193,5 +194,15 @@ def _cheapest(rest, tool, material, place, low, high):
         falls = slope(middle) < 0
         return jnp.where(falls, middle, left), jnp.where(falls, right, middle)
 
-    left, right = jax.lax.fori_loop(0, _BISECTIONS, bisect, (left, right))
-    return (left + right) / 2
+    bounds = jax.lax.stop_gradient((left, right))
+    left, right = jax.lax.fori_loop(0, _BISECTIONS, bisect, bounds)
+    return _follow(slope, jax.lax.stop_gradient((left + right) / 2))
+
+
+def _follow(slope, root: Array) -> Array:
+    """The root with its derivative, from the implicit function theorem; at a kink it stays."""
+    value, rate = jax.jvp(slope, (root,), (jnp.ones_like(root),))
+    rises = jax.lax.stop_gradient(rate) > 0
+    steepness = jnp.where(rises, jax.lax.stop_gradient(rate), 1.0)
+    change = (value - jax.lax.stop_gradient(value)) / steepness
+    return root - jnp.where(rises, change, 0.0)

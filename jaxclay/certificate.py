@@ -28,6 +28,7 @@ from jaxclay.schemes.paper import Point
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
+_CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
 
@@ -66,8 +67,9 @@ class Certificate:
         grids it is rounding noise.
     positive : bool
         Whether the Hessian is positive definite on the nodes that can move.
-    above_floor : bool
-        Whether heights increase and thicknesses obey the floor.
+    admissible : bool
+        Whether heights increase, thicknesses obey the floor and agree with the
+        heights, and the fixed nodes are where the tool wants them.
     energy_free : float
         E_free, the terms that touch a free node; gaps are relative to it.
     on_floor : int
@@ -79,7 +81,7 @@ class Certificate:
     step: Array
     residual: Array
     positive: Array
-    above_floor: Array
+    admissible: Array
     energy_free: Array
     on_floor: Array
 
@@ -119,13 +121,18 @@ def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
     # A slice on the floor may lie below it by rounding.
     low = -1e-12 * problem.rest.thickness
     above_floor = jnp.all(slack(problem, point) >= low) & jnp.all(point.thickness > 0)
+    # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
+    apart = jnp.diff(problem.rest.heights + point.shift) - point.thickness
+    missed = jnp.where(problem.fixed, point.shift - problem.shift, 0.0)
+    admissible = above_floor & (jnp.max(jnp.abs(apart)) <= _CONSISTENT)
+    admissible = admissible & (jnp.max(jnp.abs(missed)) <= _CONSISTENT)
     return Certificate(
-        accepted=passes[best] & positive & above_floor,
+        accepted=passes[best] & positive & admissible,
         decrement=jnp.where(positive, decrements[best], jnp.inf),
         step=jnp.where(positive, steps[best], jnp.inf),
         residual=residuals[best] * n / (problem.material.mu + problem.material.k),
         positive=positive,
-        above_floor=above_floor,
+        admissible=admissible,
         energy_free=energy_free,
         on_floor=on_floor[best],
     )

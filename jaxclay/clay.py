@@ -68,6 +68,11 @@ class Clay:
             raise ValueError(f"heights must start at 0, got {self.heights[0]:g}")
         if not (self.thickness > 0).all():
             raise ValueError(f"every thickness must be positive, got {self.thickness.min():g}")
+        apart = np.abs(np.diff(self.heights) - self.thickness).max()
+        if apart > 1e-9 * self.heights[-1]:
+            raise ValueError(
+                f"thickness must be the differences of the heights, but they differ by {apart:g}"
+            )
         check_positive("r0", self.r0)
         check_positive("unit", self.unit)
 
@@ -185,10 +190,10 @@ class Material:
             return
         check_positive("k", self.k)
         for name in ("mu", "alpha", "beta"):
-            value = _number(name, getattr(self, name))
+            value = as_number(name, getattr(self, name))
             if not (value >= 0 and np.isfinite(value)):
                 raise ValueError(f"{name} must be finite and at least 0, got {value:g}")
-        if not 0 < _number("floor", self.floor) < 1:
+        if not 0 < as_number("floor", self.floor) < 1:
             raise ValueError(f"floor must lie between 0 and 1, got {self.floor:g}")
 
     @classmethod
@@ -212,20 +217,22 @@ def unchecked_clay(heights: Array, thickness: Array, r0: Array, unit: Array) -> 
 
 def check_slices(slices: int) -> None:
     """Raise unless ``slices`` is a whole number of at least 3, the fewest with a bending term."""
-    if isinstance(slices, bool) or int(slices) != slices or slices < 3:
-        raise ValueError(f"slices must be a whole number of at least 3, got {slices}")
+    whole = isinstance(slices, int | np.integer) and not isinstance(slices, bool)
+    if not whole or slices < 3:
+        raise ValueError(f"slices must be a whole number of at least 3, got {slices!r}")
 
 
 def check_positive(name: str, value) -> None:
     """Raise unless ``value`` is a finite positive number."""
     if not is_concrete(value):
         return
-    value = _number(name, value)
+    value = as_number(name, value)
     if not (value > 0 and np.isfinite(value)):
         raise ValueError(f"{name} must be positive and finite, got {value:g}")
 
 
-def _number(name: str, value) -> float:
+def as_number(name: str, value) -> float:
+    """The value as a float, or an error that names it."""
     try:
         return float(value)
     except (TypeError, ValueError):

@@ -178,6 +178,7 @@ def _plot(solution: jaxclay.Solution, path: Path) -> None:
     from jaxclay import plots
     from jaxclay.profiles import replacing
 
-    figure = plots.solution(solution).figure
+    figure = plots.solution(solution).get_figure(root=True)
+    assert figure is not None  # the axes are its own
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)

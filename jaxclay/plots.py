@@ -36,7 +36,7 @@ def contour(clay: Clay, ax: Axes | None = None, *, fill: bool = False, **style) 
     **style
         Passed on to ``Axes.plot``, such as label, color, linestyle.
     """
-    ax = ax or plt.subplots(figsize=(4, 4.5), layout="constrained")[1]
+    ax = ax or _new_axes(4, 4.5)
     points = polyline(clay)
     mirrored = points[::-1] * [-1, 1]
     outline = np.concatenate([points, mirrored])
@@ -64,7 +64,7 @@ def solution(answer: Solution, ax: Axes | None = None) -> Axes:
 
 def heights(answer: Solution, ax: Axes | None = None) -> Axes:
     """Y(u) before, rough and at the minimum, as in Fig. 3 of the paper."""
-    ax = ax or plt.subplots(figsize=(5, 3.5), layout="constrained")[1]
+    ax = ax or _new_axes(5, 3.5)
     clay = answer.problem.clay
     u = np.linspace(0, 1, clay.slices + 1)
     ax.plot(u, clay.heights, color=COLOURS[7], linestyle=":", label="before")
@@ -81,3 +81,7 @@ def rough_clay(rough: RoughShape, clay: Clay) -> Clay:
     """The rough shape as clay."""
     thickness = np.asarray(rough.point.thickness) * clay.unit
     return Clay(rough.heights, thickness, clay.r0, clay.unit)
+
+
+def _new_axes(width: float, height: float) -> Axes:
+    return plt.subplots(figsize=(width, height), layout="constrained")[1]

@@ -2,8 +2,8 @@
 
 A CSV file has a header with the columns ``height`` and ``radius``, one length
 unit, from bottom to top; lines that start with # are comments.  Files that
-jaxclay writes also carry each slice's ``thickness`` and, as comments, l and r0,
-so that reading them back gives the same slices.
+jaxclay writes also carry each slice's ``thickness`` and ``top`` and, as comments,
+l and r0, so that reading them back gives the same slices.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxclay.clay import Clay
+from jaxclay.clay import Clay, check_positive
 
 # The Utah teapot's body (M. Newell 1975): cubic Bezier control points (radius, height).
 _TEAPOT_BODY = (
@@ -81,40 +81,42 @@ def load_profile(
     """
     if str(source) in PROFILES:
         heights, radii = PROFILES[str(source)]()
-        return Clay.from_profile(heights, radii, slices or 64, minimum_radius)
+        return Clay.from_profile(heights, radii, 64 if slices is None else slices, minimum_radius)
     path = Path(source)
     if not path.exists() and path.suffix != ".csv":
         raise ValueError(
             f"no profile {str(source)!r}: choose from {', '.join(PROFILES)}, or name a CSV file"
         )
-    table, marks = _read_csv(path)
-    if "thickness" in table and "r0" in marks and "unit" in marks:
-        thickness = table["thickness"][table["thickness"] > 0]
-        if slices in (None, thickness.size):
-            heights = np.concatenate([[0.0], np.cumsum(thickness)])
-            return Clay(heights, thickness, marks["r0"], marks["unit"])
     try:
-        return Clay.from_profile(table["height"], table["radius"], slices or 64, minimum_radius)
-    except ValueError as error:
+        table, marks = _read_csv(path)
+        if {"thickness", "top"} <= set(table) and {"r0", "unit"} <= set(marks):
+            is_slice = table["thickness"] > 0
+            if slices in (None, is_slice.sum()):
+                heights = np.concatenate([[0.0], table["top"][is_slice]])
+                return Clay(heights, table["thickness"][is_slice], marks["r0"], marks["unit"])
+        slices = 64 if slices is None else slices
+        return Clay.from_profile(table["height"], table["radius"], slices, minimum_radius)
+    except ValueError as error:  # of which a UnicodeDecodeError is one
         raise ValueError(f"{path}: {error}") from None
 
 
 def save_profile(clay: Clay, path: str | os.PathLike) -> None:
-    """Write the contour as CSV: columns height, radius, thickness in the clay's length unit.
+    """Write the contour as CSV: columns height, radius, thickness, top; the clay's length unit.
 
-    Rows are the slices, radius at mid-height, with a row of no thickness at
-    either end, where the contour turns to the axis.  The sum of pi radius^2
+    Rows are the slices, radius at mid-height, top their upper boundary, with a
+    row of no thickness at either end, where the contour turns to the axis.  The sum of pi radius^2
     thickness is the clay's volume to rounding; the smooth solid through the same
     points differs by O(h^2).  The file appears whole or not at all.
     """
     y, t, X = (np.asarray(v) for v in (clay.heights, clay.thickness, clay.radii))
     heights = np.concatenate([[0.0], (y[:-1] + y[1:]) / 2, [y[-1]]])
     radii, thickness = np.concatenate([X[:1], X, X[-1:]]), np.concatenate([[0.0], t, [0.0]])
+    tops = np.concatenate([y, y[-1:]])
     with replacing(path) as temporary, temporary.open("w", newline="") as file:
         file.write(f"# unit = {float(clay.unit)!r}\n# r0 = {float(clay.r0)!r}\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["height", "radius", "thickness"])
-        for row in zip(heights, radii, thickness, strict=True):
+        writer.writerow(["height", "radius", "thickness", "top"])
+        for row in zip(heights, radii, thickness, tops, strict=True):
             writer.writerow([repr(float(v)) for v in row])
 
 
@@ -150,52 +152,54 @@ def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
             if text.startswith("#"):
                 name, _, value = text[1:].partition("=")
                 if name.strip() in ("unit", "r0"):
-                    marks[name.strip()] = _as_number(path, number, name.strip(), value)
+                    marks[name.strip()] = _as_number(number, name.strip(), value)
+                    check_positive(f"line {number}: {name.strip()}", marks[name.strip()])
                 continue
             if not text:
                 continue
             cells = [cell.strip() for cell in next(csv.reader([text]))]
             if header is None:
-                header = _checked_header(path, number, cells)
+                header = _checked_header(number, cells)
                 continue
             if len(cells) != len(header):
                 raise ValueError(
-                    f"{path}, line {number}: {text!r} has {len(cells)} values, but the header "
+                    f"line {number}: {text!r} has {len(cells)} values, but the header "
                     f"names {len(header)}: {','.join(header)}"
                 )
-            row = [_as_number(path, number, h, c) for h, c in zip(header, cells, strict=True)]
-            _check_row(path, number, dict(zip(header, row, strict=True)), rows, header)
+            row = [_as_number(number, h, c) for h, c in zip(header, cells, strict=True)]
+            _check_row(number, dict(zip(header, row, strict=True)), rows, header)
             rows.append(row)
     if header is None or len(rows) < 2:
-        raise ValueError(f"{path}: a profile needs a header height,radius and at least 2 lines")
+        raise ValueError("a profile needs a header height,radius and at least 2 lines")
     return dict(zip(header, np.array(rows).T, strict=True)), marks
 
 
-def _checked_header(path: Path, number: int, cells: list[str]) -> list[str]:
+def _checked_header(number: int, cells: list[str]) -> list[str]:
     header = [cell.lower() for cell in cells]
     if not {"height", "radius"} <= set(header):
         raise ValueError(
-            f"{path}, line {number}: the header {','.join(cells)!r} must name the columns height "
-            "and radius"
+            f"line {number}: the header {','.join(cells)!r} must name the columns height and radius"
         )
     return header
 
 
-def _check_row(path, number, row, rows, header) -> None:
+def _check_row(number, row, rows, header) -> None:
     if not row["radius"] >= 0:
-        raise ValueError(f"{path}, line {number}: radius is {row['radius']:g}, must be positive")
+        raise ValueError(f"line {number}: radius is {row['radius']:g}, must be positive")
+    if row.get("thickness", 0.0) < 0:
+        raise ValueError(f"line {number}: thickness is {row['thickness']:g}, must be at least 0")
     if rows and not row["height"] > rows[-1][header.index("height")]:
         raise ValueError(
-            f"{path}, line {number}: height {row['height']:g} does not increase: the line before "
+            f"line {number}: height {row['height']:g} does not increase: the line before "
             f"has {rows[-1][header.index('height')]:g}"
         )
 
 
-def _as_number(path: Path, number: int, name: str, text: str) -> float:
+def _as_number(number: int, name: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = float("nan")
     if not np.isfinite(value):
-        raise ValueError(f"{path}, line {number}: {name} {text.strip()!r} is not a finite number")
+        raise ValueError(f"line {number}: {name} {text.strip()!r} is not a finite number")
     return value

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from jaxclay._host import is_concrete, pytree
-from jaxclay.clay import Array, Clay, check_positive
+from jaxclay.clay import Array, Clay, as_number, check_positive
 
 
 @pytree
@@ -40,7 +40,7 @@ class Squash:
         if not is_concrete(self):
             return
         check_positive("radius", self.radius)
-        bottom, top = float(self.bottom), float(self.top)
+        bottom, top = as_number("bottom", self.bottom), as_number("top", self.top)
         if not (bottom >= 0 and np.isfinite(bottom)):
             raise ValueError(f"bottom must be finite and at least 0, got {bottom:g}")
         if not (top > bottom and np.isfinite(top)):

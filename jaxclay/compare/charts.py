@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxclay.compare.results import answers, records, select
 from jaxclay.compare.runner import Overlay
 from jaxclay.plots import COLOURS, contour
 
@@ -23,17 +24,18 @@ _UNITS = {
 
 def charts(table: pd.DataFrame, overlays: list[Overlay]) -> Iterator[tuple[str, str, Figure]]:
     """Name, caption and figure of each chart; the caller closes the figures."""
-    ladder = table[table.experiment.isin(["ladder", "trace"])]
+    ladder = select(table, table.experiment.isin(["ladder", "trace"]))
     for scene in ladder.scene.unique():
-        rows = ladder[ladder.scene == scene]
+        rows = select(ladder, (ladder.scene == scene) & (ladder.experiment == "ladder"))
         yield (
             f"gap-{scene}",
             f"(a) {scene}: energy gap to the certified minimum against time, each method over a "
             "ladder of steps or tolerances, every point a fresh run; down and left is better.",
-            _panels(rows[rows.experiment == "ladder"], scene, gap_panel),
+            _panels(rows, scene, gap_panel),
         )
-    for scene in table[table.contour_error_finest.notna()].scene.unique():
-        rows = table[(table.scene == scene) & (table.experiment == "answer")]
+    rows = answers(table)
+    for scene in select(rows, rows.contour_error_finest.notna()).scene.unique():
+        rows = answers(select(table, table.scene == scene))
         yield (
             f"contour-{scene}",
             f"(b) {scene}: contour error against the finest certified grid against time, over the "
@@ -50,7 +52,7 @@ def charts(table: pd.DataFrame, overlays: list[Overlay]) -> Iterator[tuple[str, 
             overlay_figure(chosen),
         )
     for scene in ladder.scene.unique():
-        rows = ladder[(ladder.scene == scene) & (ladder.experiment == "trace")]
+        rows = select(ladder, (ladder.scene == scene) & (ladder.experiment == "trace"))
         yield (
             f"energy-{scene}",
             f"(d) {scene}: E_total against time, runs stopped after more and more iterations.",
@@ -62,22 +64,27 @@ def _panels(rows: pd.DataFrame, scene: str, draw) -> Figure:
     """One panel for each of the units that the scene was run in, side by side."""
     units = list(dict.fromkeys(rows.units))
     figure, axes = plt.subplots(
-        1, len(units), figsize=(5.2 * len(units), 4.2), layout="constrained", squeeze=False
+        1, len(units), figsize=(5.2 * len(units), 4.4), layout="constrained", squeeze=False
     )
     for ax, name in zip(axes[0], units, strict=True):
-        draw(ax, rows[rows.units == name])
-        slices = sorted(rows[rows.units == name].slices.unique())
+        draw(ax, select(rows, rows.units == name))
+        slices = sorted(select(rows, rows.units == name).slices.unique())
         grid = f"{slices[0]} slices" if len(slices) == 1 else f"{slices[0]} to {slices[-1]} slices"
         ax.set_title(f"{scene}, {grid}\n{_UNITS[name]}", fontsize=10)
         ax.grid(True, which="major", alpha=0.3)
-    axes[0][0].legend(fontsize="small", loc="best")
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize="small")
     return figure
 
 
 def _lines(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, dict]]:
     for j, method in enumerate(dict.fromkeys(rows.method)):
         style = {"color": COLOURS[j % 8], "marker": _MARKERS[j % 8], "label": method}
-        yield method, rows[rows.method == method], style | {"markersize": 5, "linewidth": 1.3}
+        yield (
+            method,
+            select(rows, rows.method == method),
+            style | {"markersize": 5, "linewidth": 1.3},
+        )
 
 
 def gap_panel(ax: Axes, rows: pd.DataFrame) -> None:
@@ -100,7 +107,7 @@ def contour_panel(ax: Axes, rows: pd.DataFrame) -> None:
     for _, line, style in _lines(rows):
         line = line.sort_values("slices")
         ax.plot(line.solve_s * 1e3, line.contour_error_finest, **style)
-        for point in line.itertuples():
+        for point in records(line):
             ax.annotate(f"{point.slices}", (point.solve_s * 1e3, point.contour_error_finest),
                         textcoords="offset points", xytext=(4, 4), fontsize=7,
                         color=style["color"])  # fmt: skip
@@ -118,8 +125,9 @@ def energy_panel(ax: Axes, rows: pd.DataFrame) -> None:
         ax.axhline(minimum, color="#555555", linestyle="--", linewidth=1)
         ax.annotate("certified minimum", (0.02, minimum), xycoords=("axes fraction", "data"),
                     va="bottom", fontsize=8, color="#555555")  # fmt: skip
-    ax.set(xscale="log", yscale="log")
-    ax.set(xlabel="solve time (ms), compiling apart", ylabel="E_total")
+    wide = rows.energy.max() > 10 * rows.energy.min()
+    ax.set(xscale="log", yscale="log" if wide else "linear")
+    ax.set(xlabel="solve time (ms), compiling apart", ylabel="E_total (no unit)")
 
 
 def overlay_figure(overlays: list[Overlay]) -> Figure:

@@ -95,7 +95,7 @@ def _table(table: pd.DataFrame) -> str:
         f"<th{' class=l' if name in left else ''}>{escape(name)}</th>" for name in results.COLUMNS
     )
     lines, before = [], None
-    for row in results.answers(table).itertuples():
+    for row in results.records(results.answers(table)):
         here = row.scene, row.units, row.slices
         first = here != before
         values = [*(map(str, here) if first else ("", "", "")), *results.cells(row)]

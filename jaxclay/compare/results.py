@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, cast
 
 import pandas as pd
 from rich.console import Console
@@ -46,7 +47,17 @@ def save(table: pd.DataFrame, folder: Path) -> Path:
 
 def answers(table: pd.DataFrame) -> pd.DataFrame:
     """The rows that the printed table shows: each method's default settings."""
-    return table[table.experiment == "answer"]
+    return select(table, table.experiment == "answer")
+
+
+def select(table: pd.DataFrame, mask: Any) -> pd.DataFrame:
+    """The rows where ``mask`` holds."""
+    return cast(pd.DataFrame, table[mask])
+
+
+def records(table: pd.DataFrame) -> Iterable[Any]:
+    """The rows, one by one, columns as attributes."""
+    return table.itertuples()
 
 
 def print_table(table: pd.DataFrame, console: Console) -> None:
@@ -58,7 +69,7 @@ def print_table(table: pd.DataFrame, console: Console) -> None:
     for name, justify in COLUMNS.items():
         view.add_column(name, justify=justify, no_wrap=True)
     before = None
-    for row in answers(table).itertuples():
+    for row in records(answers(table)):
         here = row.scene, row.units, row.slices
         first = tuple(map(str, here)) if here != before else ("", "", "")
         view.add_row(*first, *cells(row), end_section=False)
@@ -66,7 +77,7 @@ def print_table(table: pd.DataFrame, console: Console) -> None:
     console.print(view)
 
 
-COLUMNS = {
+COLUMNS: dict[str, Literal["left", "right"]] = {
     "scene": "left",
     "units": "left",
     "slices": "right",
@@ -105,5 +116,6 @@ def number(value: float, spec: str, otherwise: str) -> str:
 
 def skipped(table: pd.DataFrame) -> list[str]:
     """What was skipped and why, once a scene and grid."""
-    rows = table[table.status == "skipped"].drop_duplicates(["scene", "units", "slices"])
-    return [f"{r.scene} ({r.units}, {r.slices} slices): {r.reason}" for r in rows.itertuples()]
+    rows = select(table, table.status == "skipped")
+    rows = rows.drop_duplicates(subset=["scene", "units", "slices"])
+    return [f"{r.scene} ({r.units}, {r.slices} slices): {r.reason}" for r in records(rows)]

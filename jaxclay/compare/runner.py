@@ -74,18 +74,19 @@ class Plan:
                 slices |= set(self.grids)
             usable = sorted(n for n in slices if n >= scene.fewest_slices) or [scene.fewest_slices]
             for units in scene.units:
-                jobs += [Job(scene, units, n, n == usable[0]) for n in usable]
+                first = next((n for n in usable if n in self.slices), usable[0])
+                jobs += [Job(scene, units, n, n == first) for n in usable]
         return jobs
 
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """One scene in one of the units on one grid; the coarsest carries the ladders."""
+    """One scene in one of the units on one grid; ladders and overlays show the table's first."""
 
     scene: Scene
     units: str
     slices: int
-    coarsest: bool
+    shown: bool
 
 
 @dataclasses.dataclass
@@ -131,11 +132,11 @@ def _run_job(plan, job, clock, finest, tick):
         row["contour_error_finest"] = _distance(answer.clay, target)
         answers[method] = answer.clay
         overlay = None
-        if job.coarsest and method == plan.methods[-1]:
+        if job.shown and method == plan.methods[-1]:
             rough = _rough(answer)
             overlay = Overlay(scene.name, units, n, problem.clay, rough, answers)
         yield row, overlay
-        if job.coarsest and scene.name in plan.on_ladders:
+        if job.shown and scene.name in plan.on_ladders:
             yield from _ladders(job, method, problem, reference, clock)
 
 

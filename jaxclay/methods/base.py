@@ -88,6 +88,15 @@ def lifted(problem: Problem, point: Point) -> Point:
     return evened(problem, point, jnp.clip(jnp.max(fraction), 0.0, 1.0))
 
 
+def sent_home(problem: Problem, point: Point, rests: Array) -> Point:
+    """The point with the nodes that rest, a bool array, exactly where they were."""
+    rests = rests & problem.free
+    moved = point.moved(jnp.where(rests, -point.shift, 0.0))
+    shift = jnp.where(rests, 0.0, moved.shift)
+    home = (shift[1:] == 0) & (shift[:-1] == 0) & problem.loose
+    return Point(jnp.where(home, problem.rest.thickness, moved.thickness), shift)
+
+
 def check_setting(name: str, value: float, low: float, high: float = float("inf")) -> None:
     """Raise unless low <= value <= high."""
     if not low <= float(value) <= high:

@@ -22,7 +22,7 @@ from jaxclay import local
 from jaxclay._host import is_concrete, pytree
 from jaxclay.certificate import SMALL, Forces, friction_limit, slack
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, evened
+from jaxclay.methods.base import Method, State, check_setting, evened, sent_home
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -92,13 +92,12 @@ def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
 
     gate = settings.tolerance * jnp.maximum(problem.free_terms(point).total, SMALL)
     solved = (gain <= 0.1 * eps * jnp.sum(limit) + gate) | (length == 0)
-    finished = solved & ((eps <= _LAST_EPS) | (eps * jnp.sum(limit) <= gate))
+    left = eps * jnp.sum(limit) + weight * problem.slices  # what smoothing and barrier hold back
+    finished = solved & ((eps <= _LAST_EPS) | (left <= gate))
     smaller = jnp.maximum(jnp.minimum(0.1 * eps, eps**1.5), _LAST_EPS)
-    rests = finished & (jnp.abs(moved.shift) <= 100 * eps)
+    rests = finished & (jnp.abs(moved.shift) <= 100 * _LAST_EPS)
     memory = _Memory(jnp.where(solved, smaller, eps), jnp.maximum(gain, 0.0))
-    return State(
-        _rest_exactly(problem, moved, rests), forces, state.iterations + 1, finished, memory
-    )
+    return State(sent_home(problem, moved, rests), forces, state.iterations + 1, finished, memory)
 
 
 def _system(problem: Problem, point: Point, z: Array, weight: Array) -> _System:
@@ -162,13 +161,6 @@ def _floor_step(problem, point, z, delta, weight) -> Array:
     falls = change < 0
     length = jnp.min(jnp.where(falls, -_TO_BOUNDARY * z / jnp.where(falls, change, -1.0), 1.0))
     return z + jnp.minimum(length, 1.0) * change
-
-
-def _rest_exactly(problem: Problem, point: Point, rests: Array) -> Point:
-    rests = rests & problem.free
-    shift = jnp.where(rests, 0.0, point.shift)
-    home = (shift[1:] == 0) & (shift[:-1] == 0) & problem.loose
-    return Point(jnp.where(home, problem.rest.thickness, point.thickness), shift)
 
 
 def _room(problem: Problem, point: Point) -> Array:

@@ -21,7 +21,7 @@ from jaxclay import local
 from jaxclay._host import is_concrete, pytree
 from jaxclay.certificate import SMALL, friction_limit
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, lifted, no_forces
+from jaxclay.methods.base import Method, State, check_setting, lifted, no_forces, sent_home
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -174,10 +174,7 @@ def _next_stage(problem: Problem, point: Point, memory: _Memory) -> tuple[_Memor
     pinned = pinned & problem.free & (stage >= memory.ladder.shape[0])
     agrees = (stage > memory.ladder.shape[0]) & jnp.all(pinned == memory.pinned)
     signs = jnp.where(pinned, 0.0, jnp.where(d == 0, -jnp.sign(g), jnp.sign(d)))
-    home = jnp.where(pinned, -d, 0.0)
-    moved = point.moved(home)
-    at_rest = (moved.shift[1:] == 0) & (moved.shift[:-1] == 0) & problem.loose
-    base = Point(jnp.where(at_rest, problem.rest.thickness, moved.thickness), moved.shift)
+    base = sent_home(problem, point, pinned)
     following = memory._replace(
         base=base, x=jnp.zeros_like(memory.x), stage=stage, signs=signs, pinned=pinned
     )

@@ -1,0 +1,14 @@
+from pathlib import Path
+
+import pytest
+
+_BOTTLES = Path(__file__).resolve().parents[2] / "shared" / "profiles"
+
+
+@pytest.fixture(scope="session")
+def bottles() -> list[Path]:
+    """Digitised contours of real bottles, which are not part of the repository."""
+    files = sorted(_BOTTLES.glob("*.csv"))
+    if not files:
+        pytest.skip("the bottle profiles are not beside this checkout (../shared/profiles)")
+    return files
