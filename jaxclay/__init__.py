@@ -14,6 +14,7 @@ from jaxclay.minimize import (
 from jaxclay.problem import (
     Problem as Problem,
     bending_energy as bending_energy,
+    energy_terms as energy_terms,
     friction_energy as friction_energy,
     pose as pose,
     strain_energy as strain_energy,
@@ -29,3 +30,12 @@ from jaxclay.scm import RoughShape as RoughShape, rough_shape as rough_shape
 from jaxclay.squash import Squash as Squash
 
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str):
+    """``jaxclay.plots``, loaded when asked for, since it needs Matplotlib."""
+    if name == "plots":
+        import importlib
+
+        return importlib.import_module("jaxclay.plots")
+    raise AttributeError(f"module 'jaxclay' has no attribute {name!r}")

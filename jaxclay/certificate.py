@@ -110,7 +110,8 @@ def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
         newton = jax.scipy.linalg.cho_solve((factor, True), r)
         gaps = limit * jnp.abs(point.shift) - force.friction * point.shift
         decrement = r @ newton / 2 + jnp.sum(gaps) + jnp.sum(force.floor * slack(problem, point))
-        return decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), jnp.sum(force.floor > 0)
+        pushes = jnp.sum((force.floor > 0) & _tight(problem, point))
+        return decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), pushes
 
     decrements, steps, residuals, on_floor = jax.vmap(judge)(candidates)
     decrements = jnp.where(jnp.isnan(decrements), jnp.inf, decrements)
@@ -169,7 +170,7 @@ def _candidate_forces(problem, point, g, limit, forces, factor) -> Forces:
 
 def _floor_forces(problem, point, force, factor):
     """For each row of force (m, n+1): z >= 0 on the slices at the floor that balances it best."""
-    tight = problem.loose & (slack(problem, point) <= _ON_FLOOR * problem.rest.thickness)
+    tight = _tight(problem, point)
 
     def balance():
         D = jnp.diff(jnp.eye(force.shape[1]), axis=0)
@@ -181,3 +182,7 @@ def _floor_forces(problem, point, force, factor):
 
     nothing = jnp.zeros((force.shape[0], point.thickness.shape[0]))
     return jax.lax.cond(jnp.any(tight), balance, lambda: nothing)
+
+
+def _tight(problem: Problem, point: Point) -> Array:
+    return problem.loose & (slack(problem, point) <= _ON_FLOOR * problem.rest.thickness)

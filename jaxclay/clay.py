@@ -25,7 +25,7 @@ class Clay:
     """A rotationally symmetric piece of clay, n slices of equal volume.
 
     Build it with :meth:`cylinder` or :meth:`from_profile`, or read it with
-    :func:`jaxclay.read_profile`.
+    :func:`jaxclay.load_profile`.
 
     Attributes
     ----------

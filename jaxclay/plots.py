@@ -44,7 +44,8 @@ def contour(clay: Clay, ax: Axes | None = None, *, fill: bool = False, **style) 
     ax.plot(outline[:, 0], outline[:, 1], **style)
     if fill:
         ax.fill(outline[:, 0], outline[:, 1], color=CLAY, alpha=0.6, linewidth=0)
-    ax.set(xlabel="radius (clay's length unit)", ylabel="height (clay's length unit)")
+    if not ax.get_xlabel():
+        ax.set(xlabel="radius (clay's length unit)", ylabel="height (clay's length unit)")
     ax.set_aspect("equal")
     return ax
 
@@ -56,9 +57,9 @@ def solution(answer: Solution, ax: Axes | None = None) -> Axes:
     ax = contour(problem.clay, ax, color=COLOURS[7], linestyle=":", label="before")
     contour(rough, ax, color=COLOURS[4], linestyle="--", label="rough shape (E_move)")
     contour(answer.clay, ax, fill=True, label=f"{answer.method} (E_total)")
-    unit, tool = float(problem.clay.unit), problem.tool
-    ax.axhspan(float(tool.bottom) * unit, float(answer.rough.top), color=COLOURS[5], alpha=0.15)
-    ax.legend(fontsize="small", loc="upper right")
+    bottom, top = float(answer.rough.bottom), float(answer.rough.top)
+    ax.axhspan(bottom, top, color=COLOURS[5], alpha=0.15, label="band")
+    ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1, 1))
     return ax
 
 

@@ -111,7 +111,7 @@ class Problem:
         return Point(jnp.where(self.banded, self.band_thickness, thickness), shift)
 
     def terms(self, point: Point) -> Terms:
-        """The energy's four terms at a point."""
+        """The energy's four terms at a point; pure, in JAX's dtype: see :func:`energy_terms`."""
         return integrate(paper.sample(self.rest, point), self.material)
 
     def free_terms(self, point: Point) -> Terms:
@@ -153,11 +153,11 @@ def pose(clay: Clay, squash: Squash, material: Material, scheme: str = "paper") 
     return problem
 
 
-def terms(problem: Problem, heights: Array) -> Terms:
+def energy_terms(problem: Problem, heights: Array) -> Terms:
     """The four terms of E_total at heights (n+1,), in the clay's length unit (eq. 9)."""
     if is_transformed(problem, heights):
         return problem.terms(problem.point(heights))
-    return in_float64("terms", _terms, problem, heights)
+    return in_float64("energy_terms", _terms, problem, heights)
 
 
 def total_energy(problem: Problem, heights: Array) -> Array:
@@ -166,27 +166,27 @@ def total_energy(problem: Problem, heights: Array) -> Array:
     Called from the host it computes in float64; inside a transformation it
     follows the dtype of its arguments and can be compiled and differentiated.
     """
-    return terms(problem, heights).total
+    return energy_terms(problem, heights).total
 
 
 def strain_energy(problem: Problem, heights: Array) -> Array:
     """h sum k/2 (Y_u / Y0_u - 1)^2 (eq. 4)."""
-    return terms(problem, heights).strain
+    return energy_terms(problem, heights).strain
 
 
 def friction_energy(problem: Problem, heights: Array) -> Array:
     """h sum mu |Y_i - Y0_i| (eq. 5)."""
-    return terms(problem, heights).friction
+    return energy_terms(problem, heights).friction
 
 
 def tension_energy(problem: Problem, heights: Array) -> Array:
     """h sum alpha (X_u^2 + Y_u^2) (eq. 8)."""
-    return terms(problem, heights).tension
+    return energy_terms(problem, heights).tension
 
 
 def bending_energy(problem: Problem, heights: Array) -> Array:
     """h sum beta (X_uu^2 + Y_uu^2) (eq. 8)."""
-    return terms(problem, heights).bending
+    return energy_terms(problem, heights).bending
 
 
 @jax.jit

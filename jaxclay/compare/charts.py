@@ -140,6 +140,7 @@ def overlay_figure(overlays: list[Overlay]) -> Figure:
     for ax in axes.flat[len(overlays) :]:
         ax.axis("off")
     for ax, overlay in zip(axes.flat, overlays, strict=False):
+        ax.set(xlabel="radius", ylabel="height")
         contour(overlay.rest, ax, color=COLOURS[7], linestyle=":", label="before")
         contour(overlay.rough, ax, color=COLOURS[4], linestyle="--", label="start (rough shape)")
         for name, colour, style in (("greedy", COLOURS[1], "-."), ("newton", COLOURS[0], "-")):
@@ -147,7 +148,6 @@ def overlay_figure(overlays: list[Overlay]) -> Figure:
                 label = "minimum (newton)" if name == "newton" else name
                 contour(overlay.answers[name], ax, color=colour, linestyle=style, label=label)
         ax.set_title(f"{overlay.scene}, {overlay.slices} slices", fontsize=10)
-        ax.set(xlabel="radius", ylabel="height")
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
     return figure
