@@ -82,17 +82,18 @@ def make_plan(
     for n in grids:
         if not 8 <= n <= _MOST_SLICES:
             raise ValueError(f"slices must lie between 8 and {_MOST_SLICES}, got {n}")
-    # The reference's band ends on a node of all these grids, so that their errors fall in order.
-    featured = [scene.name for scene in chosen if scene.name in ("reference", "amphora")]
-    featured = frozenset(featured or [chosen[0].name])
+    # The reference's band ends on a node of all these grids, so that its errors fall in order.
+    wanted = ("reference",) if quick else ("reference", "amphora")
+    names_chosen = [scene.name for scene in chosen]
+    featured = frozenset(name for name in wanted if name in names_chosen) or names_chosen[:1]
     return Plan(
         scenes=chosen,
         methods=names,
         slices=sorted(set(grids)),
         grids=[32, 64, 128] if quick else [32, 64, 128, 256],
         finest=256 if quick else 512,
-        on_grids=frozenset(["reference"]) & featured if quick else featured,
-        on_ladders=featured,
+        on_grids=frozenset(featured),
+        on_ladders=frozenset(featured),
         repeats=3 if quick else 5,
     )
 
