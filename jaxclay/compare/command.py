@@ -18,7 +18,7 @@ from jaxclay.compare.runner import Overlay, Plan, Row, run
 from jaxclay.compare.scenes import Scene, folder_scenes, packaged_scenes
 from jaxclay.methods import METHODS
 
-_QUICK_SCENES = ("reference", "fig4b", "fig6", "teapot", "amphora")
+_QUICK_SCENES = ("reference", "fig6", "teapot", "amphora")
 _MOST_SLICES = 1024  # dense methods
 
 

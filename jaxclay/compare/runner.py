@@ -35,7 +35,9 @@ LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
     "greedy-refined": ("smallest_step", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
 }
 STOPS = (1, 2, 4, 8, 16, 64, 256, 1024, 8192)
-_LONG = 0.2  # seconds: a run longer than that is not repeated as often
+_LONG = 0.2  # seconds: a run longer than that is made twice only
+_ENOUGH = 0.02  # seconds of repeats that short runs get
+_MOST_REPEATS = 25
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Plan:
         The grid whose certified minimum contour errors are measured from.
     on_grids, on_ladders : sets of scene names
     repeats : int
-        Timed runs of each answer; the median counts.
+        Timed runs of each answer, more of short ones, two of long ones; the median counts.
     """
 
     scenes: list[Scene]
@@ -255,7 +257,9 @@ class _Clock:
             seconds, outcome = once()
             if first is not None:
                 self.compiled[key] = max(first - seconds, 0.0)
-            repeats = self.repeats if seconds < _LONG else 2
+            # Short runs are cheap to repeat and noisy, long ones the opposite.
+            more = int(np.clip(_ENOUGH / seconds, self.repeats, _MOST_REPEATS))
+            repeats = more if seconds < _LONG else 2
             times = np.array([seconds, *(once()[0] for _ in range(repeats - 1))])
         answer = conclude(problem, rough, jax.tree.map(np.asarray, outcome), method)
         timing = {
