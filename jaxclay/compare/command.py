@@ -114,15 +114,14 @@ def _run(plan: Plan, rows: list[Row], overlays: list[Overlay]) -> None:
     )
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task("", total=len(plan.jobs()) * len(plan.methods))
-        begun = 0
-
-        def tick(what: str) -> None:
-            nonlocal begun
-            progress.update(task, completed=begun, description=f"{what:<45.45}")
-            begun += 1
-
-        for row, overlay in run(plan, tick):
+        for row, overlay in run(plan, lambda what: progress.update(task, description=_fit(what))):
             rows.append(row)
             if overlay is not None:
                 overlays.append(overlay)
-        progress.update(task, completed=begun, description=f"{'done':<45}")
+            if row["experiment"] == "answer":
+                progress.advance(task)
+        progress.update(task, description=_fit("done"))
+
+
+def _fit(text: str) -> str:
+    return f"{text:<45.45}"

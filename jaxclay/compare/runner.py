@@ -20,11 +20,13 @@ import jax
 import numpy as np
 
 from jaxclay._host import as_float64
-from jaxclay.clay import Clay
+from jaxclay.clay import Clay, Material
 from jaxclay.compare.scenes import Scene
 from jaxclay.contour import contour_error
 from jaxclay.minimize import Solution, conclude, method_settings, minimize, solve
-from jaxclay.problem import Problem, total_energy
+from jaxclay.problem import Problem, pose, total_energy
+from jaxclay.scm import RoughShape, rough_shape
+from jaxclay.squash import Squash
 
 LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
     "newton": ("tolerance", (1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11, 1e-14)),
@@ -109,7 +111,7 @@ Row = dict[str, Any]
 def run(
     plan: Plan, tick: Callable[[str], None] = lambda _: None
 ) -> Iterator[tuple[Row, Overlay | None]]:
-    """Yield rows as they are measured; ``tick`` hears of each job and method begun."""
+    """Yield rows as they are measured; ``tick`` hears of every job and method as it begins."""
     clock = _Clock(plan.repeats)
     finest: dict[tuple[str, str], Clay | None] = {}
     for job in plan.jobs():
@@ -118,11 +120,12 @@ def run(
 
 def _run_job(plan, job, clock, finest, tick):
     scene, units, n = job.scene, job.units, job.slices
+    tick(f"{scene.name} {units} {n}")
+    clock.warm_up(plan.methods, n)
     try:
         problem = scene.problems(units, n)[-1]
     except (ValueError, RuntimeError) as error:
         for method in plan.methods:
-            tick(f"{scene.name} {units} {n}")
             yield _row(job, method, "answer") | {"status": "skipped", "reason": str(error)}, None
         return
     reference = minimize(problem)
@@ -173,7 +176,7 @@ def _answer(
 ) -> tuple[Row, Solution]:
     """One method's answer as a row, judged against the certified minimum."""
     settings = settings or {}
-    timing, answer = clock.time(problem, reference, method, settings)
+    timing, answer = clock.time(problem, reference.rough, method, settings)
     certified = bool(reference.certificate.accepted)
     scale = float(reference.certificate.energy_free)
     gap = float(answer.energy - reference.energy)
@@ -232,41 +235,51 @@ def _distance(clay: Clay, target: Clay | None) -> float:
 
 
 class _Clock:
-    """Times solves, with compiling apart: the first call of a method on a grid pays for it."""
+    """Times solves, with compiling apart: a first call of each method on each grid pays for it."""
 
     def __init__(self, repeats: int):
         self.repeats = repeats
         self.compiled: dict[tuple[str, int], float] = {}
 
-    def time(self, problem: Problem, reference: Solution, method: str, settings: dict):
+    def warm_up(self, methods: list[str], slices: int) -> None:
+        """Compile each method for a grid, on one step of a squash of any kind."""
+        problem = pose(Clay.cylinder(slices=slices), Squash(0.0, 0.5, 0.4), Material())
+        rough = rough_shape(problem)
+        for method in methods:
+            if (method, slices) not in self.compiled:
+                once = _timed(problem, rough, method, {"max_iterations": 1})
+                first, second = once()[0], once()[0]
+                self.compiled[method, slices] = max(first - second, 0.0)
+
+    def time(self, problem: Problem, rough: RoughShape, method: str, settings: dict):
         """The timing columns, and the answer."""
-        chosen = method_settings(method, settings)
-        rough = reference.rough
-        with jax.enable_x64(True):
-            arguments = jax.device_put(as_float64((problem, rough.point, chosen, rough.feasible)))
-
-            def once() -> tuple[float, Any]:
-                begin = time.perf_counter()
-                outcome = jax.block_until_ready(solve(*arguments, method=method))
-                return time.perf_counter() - begin, outcome
-
-            key = method, problem.slices
-            first = None
-            if key not in self.compiled:
-                first, outcome = once()
-            seconds, outcome = once()
-            if first is not None:
-                self.compiled[key] = max(first - seconds, 0.0)
-            # Short runs are cheap to repeat and noisy, long ones the opposite.
-            more = int(np.clip(_ENOUGH / seconds, self.repeats, _MOST_REPEATS))
-            repeats = more if seconds < _LONG else 2
-            times = np.array([seconds, *(once()[0] for _ in range(repeats - 1))])
+        once = _timed(problem, rough, method, settings)
+        seconds, outcome = once()
+        # Short runs are cheap to repeat and noisy, long ones the opposite.
+        more = int(np.clip(_ENOUGH / seconds, self.repeats, _MOST_REPEATS))
+        repeats = more if seconds < _LONG else 2
+        times = np.array([seconds, *(once()[0] for _ in range(repeats - 1))])
         answer = conclude(problem, rough, jax.tree.map(np.asarray, outcome), method)
         timing = {
-            "compile_s": self.compiled[key],
+            "compile_s": self.compiled[method, problem.slices],
             "solve_s": float(np.median(times)),
             "solve_s_least": float(times.min()),
             "solve_s_most": float(times.max()),
             "repeats": len(times),
         }
         return timing, answer
+
+
+def _timed(problem: Problem, rough: RoughShape, method: str, settings: dict):
+    """A solve that can be called again and again: its seconds and its outcome."""
+    with jax.enable_x64(True):
+        chosen = method_settings(method, settings)
+        arguments = jax.device_put(as_float64((problem, rough.point, chosen, rough.feasible)))
+
+    def once() -> tuple[float, Any]:
+        with jax.enable_x64(True):
+            begin = time.perf_counter()
+            outcome = jax.block_until_ready(solve(*arguments, method=method))
+            return time.perf_counter() - begin, outcome
+
+    return once

@@ -1,0 +1,112 @@
+"""The command line as its user meets it: what it prints, writes, refuses, and leaves behind."""
+
+import csv
+import re
+
+import numpy as np
+import pytest
+
+import jaxclay
+from jaxclay.cli import main
+
+SQUASH = "0.9:1.35:1.6"
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    """Commands keep compilations under XDG_CACHE_HOME; tests must not touch the user's."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def test_deform_writes_a_contour_of_the_same_volume(tmp_path, capsys):
+    out = tmp_path / "shape.csv"
+    code = main(
+        ["deform", "teapot", "--squash", SQUASH, "--squash", "0:0.3:1.4", "--out", str(out)]
+    )
+    printed = capsys.readouterr().out
+    assert code == 0
+    assert printed.count("converged") == 2
+    for word in ("case I", "E_total", "height", "volume", "reach"):
+        assert word in printed
+    volume = sum(np.pi * float(r["radius"]) ** 2 * float(r["thickness"]) for r in rows(out))
+    np.testing.assert_allclose(volume, jaxclay.load_profile("teapot").volume, rtol=1e-13)
+
+
+def test_deform_does_what_the_library_does(tmp_path):
+    out = tmp_path / "shape.csv"
+    main(["deform", "bowl", "--squash", "0:0.1:0.2", "--mu", "0.5", "--out", str(out)])
+    material = jaxclay.Material.from_snake_units(mu=0.5)
+    expected = jaxclay.deform(
+        jaxclay.load_profile("bowl"), jaxclay.Squash(0, 0.1, 0.2), material
+    ).clay
+    np.testing.assert_array_equal(jaxclay.load_profile(out).heights, expected.heights)
+
+
+def test_deform_goes_on_from_its_own_file_as_in_one_succession(tmp_path):
+    first, second, both = (tmp_path / name for name in ("1.csv", "2.csv", "both.csv"))
+    one, two = "0.9:1.35:1.6", "0:0.3:1.4"
+    main(["deform", "teapot", "--squash", one, "--out", str(first)])
+    main(["deform", str(first), "--squash", two, "--out", str(second)])
+    main(["deform", "teapot", "--squash", one, "--squash", two, "--out", str(both)])
+    assert second.read_text() == both.read_text()
+
+
+def test_deform_plots(tmp_path):
+    pytest.importorskip("matplotlib").use("Agg")
+    out, plot = tmp_path / "shape.csv", tmp_path / "shape.png"
+    written = ["--out", str(out), "--plot", str(plot)]
+    assert main(["deform", "bowl", "--squash", "0:0.1:0.2", *written]) == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+BAD = {
+    "no such profile": (["jug", "--squash", SQUASH], "jug.*teapot"),
+    "no such file": (["no.csv", "--squash", SQUASH], "no.csv"),
+    "not a squash": (["teapot", "--squash", "1:2"], "1:2.*BOTTOM:TOP:RADIUS"),
+    "not numbers": (["teapot", "--squash", "a:b:c"], "a:b:c"),
+    "empty band": (["teapot", "--squash", "1:1:1"], "empty.*1"),
+    "band above the clay": (["teapot", "--squash", "9:10:1"], "bottom = 9.*2.25"),
+    "radius": (["teapot", "--squash", "0:1:-2"], "radius.*-2"),
+    "too few nodes": (["teapot", "--squash", "1:1.001:1.5"], r"at least \d+ slices"),
+    "held end": (["teapot", "--squash", "1:3:1.5", "--top-fixed"], "no room.*3"),
+    "no room for the floor": (["teapot", "--squash", "0:2.24:1.5", "--top-fixed"], "infeasible"),
+    "method": (["teapot", "--squash", SQUASH, "--method", "magic"], "magic.*newton"),
+    "material": (["teapot", "--squash", SQUASH, "--k", "-1"], "k must be positive.*-1"),
+    "slices": (["teapot", "--squash", SQUASH, "--slices", "2"], "at least 3.*2"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_error_code_2_and_no_file(tmp_path, capfd, arguments, message):
+    out = tmp_path / "shape.csv"
+    assert main(["deform", *arguments, "--out", str(out)]) == 2
+    error = capfd.readouterr().err.strip()
+    assert error.startswith("jaxclay deform: error:")
+    assert len(error.splitlines()) == 1
+    assert re.search(message, error)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failing_squash_leaves_the_old_file(tmp_path):
+    out = tmp_path / "shape.csv"
+    out.write_text("precious")
+    assert main(["deform", "teapot", "--squash", "0:1:-2", "--out", str(out)]) == 2
+    assert out.read_text() == "precious"
+    assert [path.name for path in tmp_path.iterdir()] == ["shape.csv"]
+
+
+def test_a_folder_that_is_not_there_is_named_before_any_solve(tmp_path, capfd):
+    out = tmp_path / "nowhere" / "shape.csv"
+    assert main(["deform", "teapot", "--squash", SQUASH, "--out", str(out)]) == 2
+    assert "nowhere" in capfd.readouterr().err
+
+
+def test_argparse_refuses_with_2():
+    with pytest.raises(SystemExit) as ended:
+        main(["deform", "teapot"])
+    assert ended.value.code == 2
