@@ -110,7 +110,7 @@ def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
         newton = jax.scipy.linalg.cho_solve((factor, True), r)
         gaps = limit * jnp.abs(point.shift) - force.friction * point.shift
         decrement = r @ newton / 2 + jnp.sum(gaps) + jnp.sum(force.floor * slack(problem, point))
-        pushes = jnp.sum((force.floor > 0) & _tight(problem, point))
+        pushes = jnp.sum((force.floor > 0) & touches_floor(problem, point))
         return decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), pushes
 
     decrements, steps, residuals, on_floor = jax.vmap(judge)(candidates)
@@ -170,7 +170,7 @@ def _candidate_forces(problem, point, g, limit, forces, factor) -> Forces:
 
 def _floor_forces(problem, point, force, factor):
     """For each row of force (m, n+1): z >= 0 on the slices at the floor that balances it best."""
-    tight = _tight(problem, point)
+    tight = touches_floor(problem, point)
 
     def balance():
         D = jnp.diff(jnp.eye(force.shape[1]), axis=0)
@@ -184,5 +184,6 @@ def _floor_forces(problem, point, force, factor):
     return jax.lax.cond(jnp.any(tight), balance, lambda: nothing)
 
 
-def _tight(problem: Problem, point: Point) -> Array:
+def touches_floor(problem: Problem, point: Point) -> Array:
+    """(n,) loose slices on which the floor may push."""
     return problem.loose & (slack(problem, point) <= _ON_FLOOR * problem.rest.thickness)

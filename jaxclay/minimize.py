@@ -5,16 +5,18 @@ from __future__ import annotations
 import dataclasses
 import enum
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import in_float64, is_concrete, is_transformed, pytree
-from jaxclay.certificate import Certificate, Forces, certify
+from jaxclay.certificate import Certificate, certify
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.energy import Terms
+from jaxclay.implicit import solve_implicitly
+from jaxclay.loop import Outcome, solve
 from jaxclay.methods import METHODS
 from jaxclay.problem import Problem, pose
 from jaxclay.schemes.paper import Point
@@ -136,6 +138,9 @@ def minimize(
 ) -> Solution:
     """Minimise E_total over the free heights.
 
+    Inside ``grad`` and its kin the derivative is the minimum's, from the implicit
+    function theorem, not the iterations'.
+
     Parameters
     ----------
     problem : Problem
@@ -159,9 +164,9 @@ def minimize(
     chosen = method_settings(method, settings)
     rough = rough_shape(problem)
     point = rough.point if start is None else start_from(problem, start)
-    outcome = in_float64(
-        "minimize", partial(solve, method=method), problem, point, chosen, rough.feasible
-    )
+    arguments = (problem, point, chosen, rough.feasible)
+    call = solve_implicitly if is_transformed(*arguments) else solve
+    outcome = in_float64("minimize", partial(call, method=method), *arguments)
     return conclude(problem, rough, outcome, method)
 
 
@@ -223,50 +228,13 @@ def _imposed(problem: Problem, heights: Array) -> Point:
     return problem.imposed(problem.point(heights))
 
 
-class Outcome(NamedTuple):
-    """Where a method ended: its last finite point, and how it came to end."""
-
-    point: Point
-    forces: Forces
-    iterations: Array
-    finished: Array
-    finite: Array
-
-
-@partial(jax.jit, static_argnames="method")
-def solve(
-    problem: Problem, start: Point, settings: Any, feasible: Array, *, method: str
-) -> Outcome:
-    """The method's loop, without the judge: one compiled call.
-
-    Stops by the method's own rule, at the limit, or before the first step that
-    is not finite.
-    """
-    chosen = METHODS[method]
-
-    def body(carry):
-        state, _ = carry
-        new = chosen.step(problem, state, settings)
-        finite = _finite(new.point)
-        return jax.tree.map(lambda a, b: jnp.where(finite, a, b), new, state), finite
-
-    def go_on(carry):
-        state, finite = carry
-        return finite & ~state.finished & (state.iterations < settings.max_iterations)
-
-    state = chosen.init(problem, start, settings)
-    first = (state, feasible & _finite(state.point))
-    state, finite = jax.lax.while_loop(go_on, body, first)
-    return Outcome(state.point, state.forces, state.iterations, state.finished, finite)
-
-
 @jax.jit
 def _judge(problem: Problem, outcome: Outcome, feasible: Array):
     """The shape, its terms, its certificate and the status code."""
     rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
     terms = problem.terms(point)
-    certificate = certify(problem, point, outcome.forces)
+    certificate = certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
     finite = outcome.finite & jnp.isfinite(terms.total)
     code = jnp.where(outcome.finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
     code = jnp.where(certificate.accepted, Status.CONVERGED.value, code)
@@ -275,7 +243,3 @@ def _judge(problem: Problem, outcome: Outcome, feasible: Array):
     accepted = code == Status.CONVERGED.value
     certificate = dataclasses.replace(certificate, accepted=accepted)
     return problem.shape(point), terms, certificate, code
-
-
-def _finite(point: Point) -> Array:
-    return jnp.all(jnp.isfinite(point.thickness)) & jnp.all(jnp.isfinite(point.shift))

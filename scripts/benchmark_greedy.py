@@ -16,7 +16,8 @@ import jax
 
 import jaxclay
 from jaxclay._host import as_float64
-from jaxclay.minimize import method_settings, solve
+from jaxclay.loop import solve
+from jaxclay.minimize import method_settings
 
 SWEEPS, RUNS = 4000, 9
 

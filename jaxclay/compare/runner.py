@@ -23,7 +23,8 @@ from jaxclay._host import as_float64
 from jaxclay.clay import Clay, Material
 from jaxclay.compare.scenes import Scene
 from jaxclay.contour import contour_error
-from jaxclay.minimize import Solution, conclude, method_settings, minimize, solve
+from jaxclay.loop import solve
+from jaxclay.minimize import Solution, conclude, method_settings, minimize
 from jaxclay.problem import Problem, pose, total_energy
 from jaxclay.scm import RoughShape, rough_shape
 from jaxclay.squash import Squash

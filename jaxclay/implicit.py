@@ -1,0 +1,66 @@
+"""Derivatives through a minimum, from the implicit function theorem.
+
+Where clay moves, the gradient of the energy stays 0 when the problem changes
+a little; where it rests, it goes on resting; slices on the floor stay on it.
+So one linear solve with the Hessian at the answer replaces differentiating the
+iterations, and the derivative is that of the minimum whatever method found it.
+It jumps where a node starts to move or a band's edge passes a node.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxclay import local
+from jaxclay.certificate import friction_limit, touches_floor
+from jaxclay.clay import Array
+from jaxclay.loop import Outcome, solve
+from jaxclay.problem import Problem
+from jaxclay.schemes.paper import Point
+
+_HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(4,))
+def solve_implicitly(
+    problem: Problem, start: Point, settings: Any, feasible: Array, method: str
+) -> Outcome:
+    """:func:`jaxclay.loop.solve`, whose point can be differentiated by the problem."""
+    return solve(problem, start, settings, feasible, method=method)
+
+
+@solve_implicitly.defjvp
+def _solve_jvp(method, primals, tangents):
+    problem, change = primals[0], tangents[0]
+    outcome = solve(*primals, method=method)
+    point = outcome.point
+    moving = problem.free & (point.shift != 0)
+    tight = touches_floor(problem, point)
+    hessian = local.hessian(problem, point)
+    hold = jnp.where(tight, _HOLD * jnp.max(jnp.abs(jnp.diag(hessian))), 0.0)
+
+    def force(problem: Problem) -> Array:
+        """What would move the free nodes if the problem changed around them."""
+        shift = jnp.where(problem.fixed, problem.shift, point.shift)
+        thickness = problem.rest.thickness + jnp.diff(shift)
+        below = local.to_nodes(hold * (thickness - problem.floor))
+        friction = friction_limit(problem) * jnp.sign(point.shift)
+        return local.gradient(problem, Point(thickness, shift)) + friction + below
+
+    _, rate = jax.jvp(force, (problem,), (change,))
+    matrix = local.masked(hessian + local.between_nodes(hold), moving)
+    step = -jnp.linalg.solve(matrix, jnp.where(moving, rate, 0.0))
+    shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
+    tangent = jax.tree.map(_no_change, outcome)
+    return outcome, tangent._replace(point=Point(change.rest.thickness + jnp.diff(shift), shift))
+
+
+def _no_change(leaf: Array) -> Array:
+    if jnp.issubdtype(leaf.dtype, jnp.inexact):
+        return jnp.zeros_like(leaf)
+    return np.zeros(leaf.shape, jax.dtypes.float0)
