@@ -72,7 +72,8 @@ class Tool(NamedTuple):
 class Band(NamedTuple):
     """The material [lower, upper] that ends between the heights bottom and top.
 
-    ``feasible`` is False where a held end leaves less room than the floor needs.
+    ``feasible`` is False where a held end leaves less room than the floor needs,
+    where the band lies above the clay, or where it holds fewer than two nodes.
     """
 
     lower: Array
@@ -120,9 +121,10 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     """
     height = rest.heights[-1]
     density = (tool.radius / rest.r0) ** 2
-    share = density * (tool.top - tool.bottom)
     # Below it no clay could fill the height under the band.
     at_bottom = tool.bottom <= _LEAST / rest.slices * height
+    tool = tool._replace(bottom=jnp.where(at_bottom, 0.0, tool.bottom))
+    share = density * (tool.top - tool.bottom)
     start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
     swallows = (start + share >= 1) & ~tool.top_fixed
     low, high, feasible = _search_range(rest, tool, material, share)
@@ -139,7 +141,10 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     top = jnp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
     room = material.floor * (height - rest.height_at(upper)) <= height - tool.top
     feasible = jnp.where(at_bottom, ~tool.top_fixed | room, feasible)
-    return Band(lower, upper, tool.bottom, top, feasible)
+    # On the host these are errors; inside a transformation nobody can raise them.
+    possible = (tool.bottom < height) & (~tool.top_fixed | ((tool.top < height) & (share < 1)))
+    band = Band(lower, upper, tool.bottom, top, feasible & possible)
+    return band._replace(feasible=band.feasible & (jnp.sum(band.holds(rest.slices)) >= 2))
 
 
 def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):

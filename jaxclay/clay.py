@@ -206,6 +206,8 @@ class Material:
         beta, so the material is the same on every grid it is used on.
         """
         check_slices(slices)
+        if is_concrete(alpha, beta):
+            alpha, beta = as_number("alpha", alpha), as_number("beta", beta)
         return cls(k, mu, alpha / slices**2, beta / slices**4, floor)
 
 

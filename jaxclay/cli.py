@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from pathlib import Path
 
 import jaxclay
 
-_DEFORM_STATUS_FAILED = 1
 _BAD_INPUT = 2
 _INTERRUPTED = 130
+_MOST_SLICES = 1024  # the methods are dense
+
+
+def entry() -> None:
+    """The command ``jaxclay``: :func:`main`, and an end that Ctrl-C cannot spoil."""
+    signal.signal(signal.SIGINT, _interrupt)
+    code = main()
+    if _interrupts:
+        # Leaving while XLA still compiles in another thread would crash.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_INTERRUPTED)
+    sys.exit(code)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -26,6 +39,20 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"jaxclay {options.command}: interrupted", file=sys.stderr)
         return _INTERRUPTED
+
+
+_interrupts: list[int] = []
+
+
+def _interrupt(number, frame) -> None:
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
+def check_interrupt() -> None:
+    """Raise what a callback of JAX's may have swallowed."""
+    if _interrupts:
+        raise KeyboardInterrupt
 
 
 def keep_compilations() -> None:
@@ -65,6 +92,7 @@ def _add_compare(commands) -> None:
         "--profiles", type=Path, metavar="FOLDER", help="add every CSV profile in FOLDER"
     )
     compare.add_argument("--quick", action="store_true", help="few scenes, 64 slices, few repeats")
+    _add_minimum_radius(compare)
     compare.set_defaults(run=_compare)
 
 
@@ -78,6 +106,8 @@ def _compare(options: argparse.Namespace) -> int:
         slices=options.slices,
         profiles=options.profiles,
         quick=options.quick,
+        minimum_radius=options.minimum_radius,
+        interrupt=check_interrupt,
     )
 
 
@@ -106,31 +136,67 @@ def _add_deform(commands) -> None:
         "--units", choices=("snake", "printed"), default="snake",
         help="of alpha and beta: raw differences of 64 slices (default), or as printed (eq. 21)",
     )  # fmt: skip
+    _add_minimum_radius(deform)
     deform.set_defaults(run=_deform)
+
+
+def _add_minimum_radius(command) -> None:
+    command.add_argument(
+        "--minimum-radius", type=float, metavar="R", help="raise smaller radii of CSV profiles to R"
+    )
 
 
 def _deform(options: argparse.Namespace) -> int:
     squashes = [parse_squash(text, options.top_fixed) for text in options.squash]
     make = jaxclay.Material.from_snake_units if options.units == "snake" else jaxclay.Material
     material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
-    clay = jaxclay.load_profile(options.profile, slices=options.slices)
-    for target in filter(None, (options.out, options.plot)):
-        if not target.absolute().parent.is_dir():
-            raise ValueError(f"no folder {target.absolute().parent} to write {target.name} into")
+    if options.slices is not None and options.slices > _MOST_SLICES:
+        raise ValueError(f"slices must be at most {_MOST_SLICES}, got {options.slices}")
+    _check_targets(options.out, options.plot)
+    clay = jaxclay.load_profile(options.profile, options.slices, options.minimum_radius)
     solution = None
     for text, squash in zip(options.squash, squashes, strict=True):
+        check_interrupt()
         solution = jaxclay.deform(clay, squash, material, method=options.method)
-        print(describe(text, solution))
         if solution.status in (jaxclay.Status.INFEASIBLE, jaxclay.Status.NON_FINITE):
-            print(f"jaxclay deform: error: {solution.message}", file=sys.stderr)
-            return _BAD_INPUT
+            raise ValueError(f"--squash {text}: {solution.message}")
+        print(describe(text, solution))
         clay = solution.clay
     assert solution is not None  # --squash is required
-    if options.plot:
-        _plot(solution, options.plot)
-    jaxclay.save_profile(clay, options.out)
+    _write(solution, options.out, options.plot)
     print(f"wrote {options.out}" + (f" and {options.plot}" if options.plot else ""))
     return 0
+
+
+def _check_targets(out: Path, plot: Path | None) -> None:
+    """Raise before anything is solved if the files cannot be written."""
+    for target in filter(None, (out, plot)):
+        if target.is_dir():
+            raise ValueError(f"{target} is a folder: name a file in it")
+        if not target.absolute().parent.is_dir():
+            raise ValueError(f"no folder {target.absolute().parent} to write {target.name} into")
+    if plot is None:
+        return
+    if plot.absolute() == out.absolute():
+        raise ValueError(f"--out and --plot both name {out}: name two files")
+    from jaxclay import plots
+
+    if plot.suffix.lower() not in plots.FORMATS:
+        raise ValueError(f"--plot {plot}: the name must end in {', '.join(plots.FORMATS)}")
+
+
+def _write(solution: jaxclay.Solution, out: Path, plot: Path | None) -> None:
+    """Write both files, or neither."""
+    from jaxclay.profiles import replacing
+
+    if plot is None:
+        jaxclay.save_profile(solution.clay, out)
+        return
+    from jaxclay import plots
+
+    with replacing(plot) as temporary:
+        plots.save(solution, temporary)
+        jaxclay.save_profile(solution.clay, out)
 
 
 def parse_squash(text: str, top_fixed: bool = False) -> jaxclay.Squash:
@@ -172,13 +238,3 @@ def describe(text: str, solution: jaxclay.Solution) -> str:
             f"{float(radii.max()):.6g}, volume {float(solution.clay.volume):.8g}",
         )
     )
-
-
-def _plot(solution: jaxclay.Solution, path: Path) -> None:
-    from jaxclay import plots
-    from jaxclay.profiles import replacing
-
-    figure = plots.solution(solution).get_figure(root=True)
-    assert figure is not None  # the axes are its own
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=150)

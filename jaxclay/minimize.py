@@ -103,7 +103,15 @@ class Solution:
     @property
     def message(self) -> str:
         """The status, what it means and what to do."""
-        return f"{self.method}: {self.status}: {_MEANING[self.status]}"
+        text = f"{self.method}: {self.status}: {_MEANING[self.status]}"
+        if self.status is not Status.INFEASIBLE:
+            return text
+        problem, unit = self.problem, float(self.clay.unit)
+        nodes = np.arange(problem.slices + 1) / problem.slices
+        upper = np.interp(problem.band.upper, nodes, problem.rest.heights)
+        least = float(problem.material.floor) * float(problem.rest.heights[-1] - upper) * unit
+        room = float(problem.rest.heights[-1] - problem.tool.top) * unit
+        return f"{text}. Above top are {room:.6g}, and the clay there needs {least:.6g} at least"
 
     def raise_for_status(self) -> Solution:
         """The solution itself if it converged.
@@ -191,7 +199,7 @@ def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str)
 
 def method_settings(method: str, settings: dict[str, Any]) -> Any:
     """The method's settings, defaults filled in; errors name what is allowed."""
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise ValueError(f"unknown method {method!r}: choose from {', '.join(METHODS)}")
     kind = METHODS[method].settings
     known = [field.name for field in dataclasses.fields(kind)]
@@ -203,6 +211,8 @@ def method_settings(method: str, settings: dict[str, Any]) -> Any:
 
 def start_from(problem: Problem, heights: Array) -> Point:
     """The caller's heights as a point that obeys the tool."""
+    if is_concrete(heights):
+        heights = np.asarray(heights, np.float64)
     if np.shape(heights) != np.shape(problem.clay.heights):
         raise ValueError(
             f"start must hold one height for each of {problem.slices + 1} nodes: got shape "

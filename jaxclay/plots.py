@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 
 try:
@@ -15,11 +17,11 @@ except ImportError as error:  # pragma: no cover
 from jaxclay.clay import Clay
 from jaxclay.contour import polyline
 from jaxclay.minimize import Solution
-from jaxclay.scm import RoughShape
 
 # Okabe and Ito's palette, told apart by colour-blind readers too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C8C")
 CLAY = "#E8D5C0"
+FORMATS = (".png", ".svg", ".pdf")
 
 
 def contour(clay: Clay, ax: Axes | None = None, *, fill: bool = False, **style) -> Axes:
@@ -53,14 +55,29 @@ def contour(clay: Clay, ax: Axes | None = None, *, fill: bool = False, **style) 
 def solution(answer: Solution, ax: Axes | None = None) -> Axes:
     """The shape before the squash, the rough shape and the minimum, and the tool's band."""
     problem = answer.problem
-    rough = rough_clay(answer.rough, problem.clay)
-    ax = contour(problem.clay, ax, color=COLOURS[7], linestyle=":", label="before")
-    contour(rough, ax, color=COLOURS[4], linestyle="--", label="rough shape (E_move)")
+    ax = contour(
+        problem.clay, ax or _new_axes(7, 4.5), color=COLOURS[7], linestyle=":", label="before"
+    )
+    contour(
+        answer.rough.clay(problem),
+        ax,
+        color=COLOURS[4],
+        linestyle="--",
+        label="rough shape (E_move)",
+    )
     contour(answer.clay, ax, fill=True, label=f"{answer.method} (E_total)")
     bottom, top = float(answer.rough.bottom), float(answer.rough.top)
     ax.axhspan(bottom, top, color=COLOURS[5], alpha=0.15, label="band")
     ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1, 1))
     return ax
+
+
+def save(answer: Solution, path: str | os.PathLike) -> None:
+    """Write :func:`solution`'s picture; the name's ending, one of FORMATS, says in which format."""
+    figure, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
+    solution(answer, ax)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
 
 
 def heights(answer: Solution, ax: Axes | None = None) -> Axes:
@@ -76,12 +93,6 @@ def heights(answer: Solution, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="material coordinate u", ylabel="height Y (clay's length unit)")
     ax.legend(fontsize="small")
     return ax
-
-
-def rough_clay(rough: RoughShape, clay: Clay) -> Clay:
-    """The rough shape as clay."""
-    thickness = np.asarray(rough.point.thickness) * clay.unit
-    return Clay(rough.heights, thickness, clay.r0, clay.unit)
 
 
 def _new_axes(width: float, height: float) -> Axes:

@@ -155,6 +155,11 @@ def pose(clay: Clay, squash: Squash, material: Material, scheme: str = "paper") 
 
 def energy_terms(problem: Problem, heights: Array) -> Terms:
     """The four terms of E_total at heights (n+1,), in the clay's length unit (eq. 9)."""
+    if np.shape(heights) != np.shape(problem.clay.heights):
+        raise ValueError(
+            f"heights must hold one height for each of {problem.slices + 1} nodes: got shape "
+            f"{np.shape(heights)}"
+        )
     if is_transformed(problem, heights):
         return problem.terms(problem.point(heights))
     return in_float64("energy_terms", _terms, problem, heights)
@@ -215,5 +220,6 @@ def _check_band(problem: Problem, squash: Squash) -> None:
     raise ValueError(
         f"the band from {float(squash.bottom):g} to {float(squash.top):g} holds {share:.3g} of "
         f"the clay, which fixes {held.sum()} of the nodes of {problem.slices} slices and so "
-        f"imposes no radius: use at least {int(np.ceil(2 / share))} slices (2/{share:.3g})"
+        f"imposes no radius: use at least {int(np.ceil(2 / share))} slices (2/{share:.3g}) "
+        "or a taller band"
     )

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxclay.clay import Clay, check_positive
+from jaxclay.clay import Clay, check_positive, check_slices
 
 # The Utah teapot's body (M. Newell 1975): cubic Bezier control points (radius, height).
 _TEAPOT_BODY = (
@@ -25,6 +25,7 @@ _TEAPOT_BODY = (
     ((2.0, 0.75), (2.0, 1.2), (1.75, 1.725), (1.5, 2.25)),
 )
 _POINTS = 129
+_COLUMNS = ("height", "radius", "thickness", "top")
 
 
 def _teapot() -> tuple[np.ndarray, np.ndarray]:
@@ -89,15 +90,32 @@ def load_profile(
         )
     try:
         table, marks = _read_csv(path)
-        if {"thickness", "top"} <= set(table) and {"r0", "unit"} <= set(marks):
-            is_slice = table["thickness"] > 0
-            if slices in (None, is_slice.sum()):
-                heights = np.concatenate([[0.0], table["top"][is_slice]])
-                return Clay(heights, table["thickness"][is_slice], marks["r0"], marks["unit"])
+        if marks and minimum_radius is None:
+            return _saved_clay(table, marks, slices)
         slices = 64 if slices is None else slices
         return Clay.from_profile(table["height"], table["radius"], slices, minimum_radius)
     except ValueError as error:  # of which a UnicodeDecodeError is one
         raise ValueError(f"{path}: {error}") from None
+
+
+def _saved_clay(table: dict, marks: dict, slices: int | None) -> Clay:
+    """The clay of a file that jaxclay wrote; on another grid each slice keeps its radius."""
+    is_slice = table["thickness"] > 0
+    heights = np.concatenate([[0.0], table["top"][is_slice]])
+    clay = Clay(heights, table["thickness"][is_slice], marks["r0"], marks["unit"])
+    wrong = ~np.isclose(clay.radii, table["radius"][is_slice], rtol=1e-9, atol=0)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ValueError(
+            f"radius {table['radius'][is_slice][i]:g} of slice {i} is not that of its thickness, "
+            f"{clay.radii[i]:g}: a file edited by hand must not keep the columns thickness and top"
+        )
+    if slices in (None, clay.slices):
+        return clay
+    check_slices(slices)
+    old, new = (np.arange(n + 1) / n for n in (clay.slices, slices))
+    heights = np.interp(new, old, heights)
+    return Clay(heights, np.diff(heights), clay.r0, clay.unit)
 
 
 def save_profile(clay: Clay, path: str | os.PathLike) -> None:
@@ -142,18 +160,16 @@ def _umask() -> int:
 
 
 def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """The file's columns as numbers, and the numbers in its comments."""
-    marks: dict[str, float] = {}
+    """The file's columns as numbers; l and r0 too if jaxclay wrote it."""
+    comments: dict[str, tuple[int, str]] = {}
     header: list[str] | None = None
-    rows: list[list[float]] = []
+    rows: list[dict[str, float]] = []
     with path.open(newline="", encoding="utf-8-sig") as file:
         for number, line in enumerate(file, 1):
             text = line.strip()
             if text.startswith("#"):
                 name, _, value = text[1:].partition("=")
-                if name.strip() in ("unit", "r0"):
-                    marks[name.strip()] = _as_number(number, name.strip(), value)
-                    check_positive(f"line {number}: {name.strip()}", marks[name.strip()])
+                comments[name.strip()] = number, value
                 continue
             if not text:
                 continue
@@ -163,19 +179,31 @@ def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
                 continue
             if len(cells) != len(header):
                 raise ValueError(
-                    f"line {number}: {text!r} has {len(cells)} values, but the header "
-                    f"names {len(header)}: {','.join(header)}"
+                    f"line {number}: {text!r} has {len(cells)} values, but the header names "
+                    f"{len(header)}: {','.join(header)}"
                 )
-            row = [_as_number(number, h, c) for h, c in zip(header, cells, strict=True)]
-            _check_row(number, dict(zip(header, row, strict=True)), rows, header)
+            named = dict(zip(header, cells, strict=True))
+            row = {
+                name: _as_number(number, name, named[name]) for name in _COLUMNS if name in named
+            }
+            _check_row(number, row, rows[-1] if rows else None)
             rows.append(row)
     if header is None or len(rows) < 2:
         raise ValueError("a profile needs a header height,radius and at least 2 lines")
-    return dict(zip(header, np.array(rows).T, strict=True)), marks
+    marks: dict[str, float] = {}
+    if set(_COLUMNS) <= set(header) and {"unit", "r0"} <= set(comments):
+        for name in ("unit", "r0"):
+            number, value = comments[name]
+            marks[name] = _as_number(number, name, value)
+            check_positive(f"line {number}: {name}", marks[name])
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, marks
 
 
 def _checked_header(number: int, cells: list[str]) -> list[str]:
     header = [cell.lower() for cell in cells]
+    for name in _COLUMNS:
+        if header.count(name) > 1:
+            raise ValueError(f"line {number}: the header names {name} twice")
     if not {"height", "radius"} <= set(header):
         raise ValueError(
             f"line {number}: the header {','.join(cells)!r} must name the columns height and radius"
@@ -183,15 +211,15 @@ def _checked_header(number: int, cells: list[str]) -> list[str]:
     return header
 
 
-def _check_row(number, row, rows, header) -> None:
-    if not row["radius"] >= 0:
+def _check_row(number: int, row: dict[str, float], before: dict[str, float] | None) -> None:
+    if row["radius"] < 0:
         raise ValueError(f"line {number}: radius is {row['radius']:g}, must be positive")
     if row.get("thickness", 0.0) < 0:
         raise ValueError(f"line {number}: thickness is {row['thickness']:g}, must be at least 0")
-    if rows and not row["height"] > rows[-1][header.index("height")]:
+    if before and not row["height"] > before["height"]:
         raise ValueError(
-            f"line {number}: height {row['height']:g} does not increase: the line before "
-            f"has {rows[-1][header.index('height')]:g}"
+            f"line {number}: height {row['height']:g} does not increase: the line before has "
+            f"{before['height']:g}"
         )
 
 

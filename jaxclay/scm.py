@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from jaxclay._host import in_float64, pytree
 from jaxclay.band import Band, sides
-from jaxclay.clay import Array
+from jaxclay.clay import Array, Clay, unchecked_clay
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 from jaxclay.side import Push, slope_change, solve_sides
@@ -59,6 +59,11 @@ class RoughShape:
     feasible: Array
     case_code: Array
     case_below_code: Array
+
+    def clay(self, problem: Problem) -> Clay:
+        """The rough shape of ``problem`` as clay."""
+        clay = problem.clay
+        return unchecked_clay(self.heights, self.point.thickness * clay.unit, clay.r0, clay.unit)
 
     @property
     def case(self) -> str:

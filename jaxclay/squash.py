@@ -40,6 +40,8 @@ class Squash:
         if not is_concrete(self):
             return
         check_positive("radius", self.radius)
+        if np.asarray(self.top_fixed).dtype != bool:
+            raise ValueError(f"top_fixed must be True or False, got {self.top_fixed!r}")
         bottom, top = as_number("bottom", self.bottom), as_number("top", self.top)
         if not (bottom >= 0 and np.isfinite(bottom)):
             raise ValueError(f"bottom must be finite and at least 0, got {bottom:g}")

@@ -4,6 +4,9 @@
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 needed="Python 3.11 or newer with venv and pip"
 
+# Small dense factorisations on several threads only wait for each other.
+export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
+
 find_python() {
     local candidate
     for candidate in python3.11 python3.12 python3.13 python3 python; do

@@ -1,7 +1,11 @@
 """The command line as its user meets it: what it prints, writes, refuses, and leaves behind."""
 
 import csv
+import os
 import re
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -74,7 +78,13 @@ BAD = {
     "radius": (["teapot", "--squash", "0:1:-2"], "radius.*-2"),
     "too few nodes": (["teapot", "--squash", "1:1.001:1.5"], r"at least \d+ slices"),
     "held end": (["teapot", "--squash", "1:3:1.5", "--top-fixed"], "no room.*3"),
-    "no room for the floor": (["teapot", "--squash", "0:2.24:1.5", "--top-fixed"], "infeasible"),
+    "no room for the floor": (
+        ["teapot", "--squash", "0:2.24:1.5", "--top-fixed"],
+        r"infeasible.*Above top are 0\.01.*at least",
+    ),
+    "too many slices": (["teapot", "--squash", SQUASH, "--slices", "9999"], "at most 1024.*9999"),
+    "tool at a folder": (["teapot", "--squash", SQUASH, "--plot", "."], "folder"),
+    "unknown picture": (["teapot", "--squash", SQUASH, "--plot", "a.xyz"], "a.xyz.*png"),
     "method": (["teapot", "--squash", SQUASH, "--method", "magic"], "magic.*newton"),
     "material": (["teapot", "--squash", SQUASH, "--k", "-1"], "k must be positive.*-1"),
     "slices": (["teapot", "--squash", SQUASH, "--slices", "2"], "at least 3.*2"),
@@ -104,6 +114,50 @@ def test_a_folder_that_is_not_there_is_named_before_any_solve(tmp_path, capfd):
     out = tmp_path / "nowhere" / "shape.csv"
     assert main(["deform", "teapot", "--squash", SQUASH, "--out", str(out)]) == 2
     assert "nowhere" in capfd.readouterr().err
+
+
+def test_out_and_plot_must_differ(tmp_path, capfd):
+    out = tmp_path / "same.png"
+    code = main(["deform", "bowl", "--squash", "0:0.1:0.2", "--out", str(out), "--plot", str(out)])
+    assert code == 2
+    assert "two files" in capfd.readouterr().err
+    assert not out.exists()
+
+
+def test_a_pointed_tip_is_clipped_where_asked(tmp_path, capfd):
+    cone, out = tmp_path / "cone.csv", tmp_path / "out.csv"
+    cone.write_text("height,radius\n0,1\n1,1\n2,0\n")
+    arguments = ["deform", str(cone), "--squash", "0:0.5:0.8", "--out", str(out)]
+    assert main(arguments) == 2
+    assert "minimum_radius" in capfd.readouterr().err
+    assert main([*arguments, "--minimum-radius", "0.1"]) == 0
+
+
+def test_a_bad_line_of_a_file_is_named(tmp_path, capfd):
+    jug, out = tmp_path / "jug.csv", tmp_path / "out.csv"
+    jug.write_text("height,radius\n0,1\n1,wide\n")
+    assert main(["deform", str(jug), "--squash", "0:0.5:0.8", "--out", str(out)]) == 2
+    assert re.search("jug.csv: line 3.*wide", capfd.readouterr().err)
+    assert not out.exists()
+
+
+def test_ctrl_c_ends_with_130_and_no_file(tmp_path):
+    """A fresh process, since it is killed while it compiles."""
+    out = tmp_path / "shape.csv"
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    command = [sys.executable, "-c", "from jaxclay.cli import entry; entry()", "deform"]
+    squashes = ["--squash", SQUASH] * 20
+    arguments = [*command, "teapot", *squashes, "--slices", "301", "--out", str(out)]
+    process = subprocess.Popen(
+        arguments, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    process.stdout.readline()  # the first squash is done
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=120)
+    assert process.returncode == 130, error
+    assert b"interrupted" in error
+    assert not out.exists()
 
 
 def test_argparse_refuses_with_2():

@@ -73,7 +73,7 @@ def test_compile_time_is_apart_and_never_missing(compared):
 
 def test_contour_errors_fall_with_the_slices(compared):
     _, table = compared
-    rows = table[(table.method == "newton") & (table.experiment == "answer")]
+    rows = table[(table.method == "newton") & table.experiment.isin(["answer", "grid"])]
     rows = rows[rows.contour_error_finest.notna() & (rows.units == "printed")].sort_values("slices")
     assert list(rows.slices) == [32, 64, 128]
     assert (np.diff(rows.contour_error_finest) < 0).all()
@@ -90,6 +90,11 @@ def test_results_name_what_ran(compared):
     _, table = compared
     for name in ("jaxclay", "jax", "jaxlib", "jaxopt", "optax", "numpy", "python", "machine"):
         assert (table[name].astype(str).str.len() > 0).all()
+
+
+def test_the_table_holds_the_grids_that_were_asked_for(compared):
+    _, table = compared
+    assert set(table[table.experiment == "answer"].slices) == {64}
 
 
 def test_report_needs_no_network(compared):

@@ -83,6 +83,6 @@ def test_batched_gradients():
         return figures(MATERIAL | BOTTOM | {"mu": mu})[-1]
 
     with jax.enable_x64(True):
-        batched = jax.vmap(jax.grad(energy))(jnp.array([0.3, 0.7]))
-        single = jax.grad(energy)(0.7)
+        batched = jax.jit(jax.vmap(jax.grad(energy)))(jnp.array([0.3, 0.7]))
+        single = jax.jit(jax.grad(energy))(0.7)
     np.testing.assert_allclose(batched[1], single, rtol=1e-9)

@@ -127,12 +127,12 @@ BAD = {
     "height,radius\n0,1\n": r"at least 2 lines",
     "": r"needs a header",
     "height,radius\n0,1\n1,0\n": r"contour.csv: radii\[1\] is 0.*clips a pointed tip",
-    "# r0 = wide\nheight,radius\n0,1\n1,1\n": r"line 1: r0 'wide' is not a finite number",
+    "# unit = 1\n# r0 = wide\nheight,radius,thickness,top\n0,1,0,0\n1,1,1,1\n": r"line 2: r0 'wide' is not a finite number",
     # A damaged thickness may not vanish in silence: the volume would.
     "# unit = 1\n# r0 = 1\nheight,radius,thickness\n0,1,0\n.1,1,.2\n.3,1,.2\n.5,1,-.2\n.7,1,.4\n": (
         r"line 7: thickness"
     ),
-    "# unit = 0\n# r0 = 1\nheight,radius,thickness\n0,1,0\n.1,1,.3\n.4,1,.3\n.7,1,.4\n": (
+    "# unit = 0\n# r0 = 1\nheight,radius,thickness,top\n0,1,0,0\n.1,1,.3,.3\n.4,1,.3,.6\n": (
         r"contour.csv.*unit"
     ),
 }
@@ -217,3 +217,32 @@ def test_area_error_of_cylinders_by_hand():
     tall = Clay.cylinder(0.5, 1.5)
     assert area_error(tall, a) == pytest.approx(0.5, rel=2e-2)  # ends fall over half a slice
     assert area_error(a, a) == 0.0
+
+
+def test_a_saved_file_on_another_grid_keeps_unit_and_volume(tmp_path):
+    before = jaxclay.deform(
+        jaxclay.Clay.cylinder(slices=64),
+        jaxclay.Squash(0.1, 0.5, 0.4),
+        jaxclay.Material.from_snake_units(),
+    ).clay
+    jaxclay.save_profile(before, tmp_path / "a.csv")
+    after = jaxclay.load_profile(tmp_path / "a.csv", slices=128)
+    assert after.slices == 128
+    assert after.unit == before.unit != after.height
+    assert after.r0 == before.r0
+    # Each slice is cut in two of the same radius.
+    np.testing.assert_allclose(after.radii, np.repeat(before.radii, 2), rtol=1e-11)
+
+
+def test_a_saved_file_with_edited_radii_is_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    jaxclay.save_profile(jaxclay.Clay.cylinder(slices=8), path)
+    path.write_text(path.read_text().replace(",0.5,", ",0.6,"))
+    with pytest.raises(ValueError, match=r"radius 0\.6 of slice 0.*0\.5.*by hand"):
+        jaxclay.load_profile(path)
+
+
+def test_comments_of_other_programs_are_only_comments(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("# unit = cm\nname,height,radius\nfoot,0,1\nlip,2,1\n")
+    assert jaxclay.load_profile(path, slices=8).unit == 2.0

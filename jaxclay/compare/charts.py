@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxclay.compare.results import answers, records, select
+from jaxclay.compare.results import records, select
 from jaxclay.compare.runner import Overlay
 from jaxclay.plots import COLOURS, contour
 
@@ -33,9 +33,9 @@ def charts(table: pd.DataFrame, overlays: list[Overlay]) -> Iterator[tuple[str, 
             "ladder of steps or tolerances, every point a fresh run; down and left is better.",
             _panels(rows, scene, gap_panel),
         )
-    rows = answers(table)
-    for scene in select(rows, rows.contour_error_finest.notna()).scene.unique():
-        rows = answers(select(table, table.scene == scene))
+    grids = select(table, table.experiment.isin(["answer", "grid"]))
+    for scene in select(grids, grids.contour_error_finest.notna()).scene.unique():
+        rows = select(grids, (grids.scene == scene) & grids.solve_s.notna())
         yield (
             f"contour-{scene}",
             f"(b) {scene}: contour error against the finest certified grid against time, over the "
@@ -107,7 +107,8 @@ def contour_panel(ax: Axes, rows: pd.DataFrame) -> None:
     for _, line, style in _lines(rows):
         line = line.sort_values("slices")
         ax.plot(line.solve_s * 1e3, line.contour_error_finest, **style)
-        for point in records(line):
+        ends = line.iloc[[0, -1]]
+        for point in records(ends):
             ax.annotate(f"{point.slices}", (point.solve_s * 1e3, point.contour_error_finest),
                         textcoords="offset points", xytext=(4, 4), fontsize=7,
                         color=style["color"])  # fmt: skip

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 try:
+    import pyarrow  # noqa: F401  # pandas asks for it when everything has been measured
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from threadpoolctl import threadpool_limits
 
     from jaxclay.compare import report, results
 except ImportError as error:
@@ -29,21 +32,27 @@ def compare(
     slices: list[int] | None = None,
     profiles: Path | None = None,
     quick: bool = False,
+    minimum_radius: float | None = None,
+    interrupt: Callable[[], None] = lambda: None,
 ) -> int:
     """Run the comparison; 0, or 130 if it was interrupted and only a part was written.
+
+    ``interrupt`` is called between solves and may raise KeyboardInterrupt.
 
     Raises
     ------
     ValueError
         An unknown scene or method, too few or too many slices, no CSV in the folder.
     """
-    plan = make_plan(scenes, methods, slices, profiles, quick)
+    plan = make_plan(scenes, methods, slices, profiles, quick, minimum_radius)
     out.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
     overlays: list[Overlay] = []
     interrupted = False
     try:
-        _run(plan, rows, overlays)
+        # Dense factorisations are small: more threads only wait for each other.
+        with threadpool_limits(1):
+            _run(plan, rows, overlays, interrupt)
     except KeyboardInterrupt:
         interrupted = True
     console = Console()
@@ -67,10 +76,11 @@ def make_plan(
     slices: list[int] | None,
     profiles: Path | None,
     quick: bool,
+    minimum_radius: float | None = None,
 ) -> Plan:
     """The default plan, narrowed or widened as asked."""
     known = packaged_scenes()
-    added = folder_scenes(profiles) if profiles else {}
+    added = folder_scenes(profiles, minimum_radius) if profiles else {}
     chosen = _choose("scene", scenes, known | added)
     if scenes is None and quick:
         chosen = [known[name] for name in _QUICK_SCENES] + list(added.values())
@@ -105,7 +115,7 @@ def _choose(kind: str, names: list[str] | None, known: dict[str, Scene]) -> list
     return [known[name] for name in names] if names else list(known.values())
 
 
-def _run(plan: Plan, rows: list[Row], overlays: list[Overlay]) -> None:
+def _run(plan: Plan, rows: list[Row], overlays: list[Overlay], interrupt) -> None:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -114,11 +124,16 @@ def _run(plan: Plan, rows: list[Row], overlays: list[Overlay]) -> None:
     )
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task("", total=len(plan.jobs()) * len(plan.methods))
-        for row, overlay in run(plan, lambda what: progress.update(task, description=_fit(what))):
+
+        def tick(what: str) -> None:
+            interrupt()
+            progress.update(task, description=_fit(what))
+
+        for row, overlay in run(plan, tick):
             rows.append(row)
             if overlay is not None:
                 overlays.append(overlay)
-            if row["experiment"] == "answer":
+            if row["experiment"] in ("answer", "grid"):
                 progress.advance(task)
         progress.update(task, description=_fit("done"))
 

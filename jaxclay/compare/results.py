@@ -29,6 +29,7 @@ def versions() -> dict[str, str]:
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
         "dtype": "float64",
         "device": "cpu",
+        "blas_threads": "1",
     }
 
 

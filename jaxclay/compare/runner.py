@@ -1,8 +1,9 @@
 """Run scenes x methods x slices: every answer judged, every time measured apart from compiling.
 
-Three kinds of rows come out, told apart by the column ``experiment``:
+Four kinds of rows come out, told apart by the column ``experiment``:
 
 - ``answer``: the method's default settings, the table's rows;
+- ``grid``: the same on the other grids of the chart of contour errors;
 - ``ladder``: fresh runs over a ladder of steps or tolerances, for the chart of
   gap against time;
 - ``trace``: fresh runs stopped after more and more iterations, for E_total
@@ -80,7 +81,9 @@ class Plan:
             usable = sorted(n for n in slices if n >= scene.fewest_slices) or [scene.fewest_slices]
             for units in scene.units:
                 first = next((n for n in usable if n in self.slices), usable[0])
-                jobs += [Job(scene, units, n, n == first) for n in usable]
+                for n in usable:
+                    kind = "answer" if n in self.slices or n == first else "grid"
+                    jobs.append(Job(scene, units, n, kind, n == first))
         return jobs
 
 
@@ -91,6 +94,7 @@ class Job:
     scene: Scene
     units: str
     slices: int
+    experiment: str
     shown: bool
 
 
@@ -127,19 +131,22 @@ def _run_job(plan, job, clock, finest, tick):
         problem = scene.problems(units, n)[-1]
     except (ValueError, RuntimeError) as error:
         for method in plan.methods:
-            yield _row(job, method, "answer") | {"status": "skipped", "reason": str(error)}, None
+            yield (
+                _row(job, method, job.experiment) | {"status": "skipped", "reason": str(error)},
+                None,
+            )
         return
     reference = minimize(problem)
     target = _finest(plan, job, finest)
     answers: dict[str, Clay] = {}
     for method in plan.methods:
         tick(f"{scene.name} {units} {n} {method}")
-        row, answer = _answer(job, method, "answer", problem, reference, clock)
+        row, answer = _answer(job, method, job.experiment, problem, reference, clock)
         row["contour_error_finest"] = _distance(answer.clay, target)
         answers[method] = answer.clay
         overlay = None
         if job.shown and method == plan.methods[-1]:
-            rough = _rough(answer)
+            rough = answer.rough.clay(problem)
             overlay = Overlay(scene.name, units, n, problem.clay, rough, answers)
         yield row, overlay
         if job.shown and scene.name in plan.on_ladders:
@@ -224,11 +231,6 @@ def _visits(method: str, answer: Solution, seconds: float) -> float:
     if not method.startswith("greedy"):
         return float("nan")
     return int(answer.iterations) * int(answer.unknowns) / seconds
-
-
-def _rough(answer: Solution) -> Clay:
-    clay = answer.problem.clay
-    return Clay(answer.rough.heights, answer.rough.point.thickness * clay.unit, clay.r0, clay.unit)
 
 
 def _distance(clay: Clay, target: Clay | None) -> float:

@@ -94,6 +94,7 @@ NAMED: dict[str, Scene] = {
         Scene("fig4a", _cylinder(0.5), (_FIG4,)),
         Scene("fig4b", _cylinder(0.5), (_FIG4,), mu=0.1),
         Scene("fig4c", _cylinder(0.5), (dataclasses.replace(_FIG4, top_fixed=True),), mu=0.1),
+        # The second stage of fig4a, which every comparison is: the same solve by its other name.
         Scene("fig5", _cylinder(0.5), (_FIG4,)),
         Scene("fig6", _cylinder(0.5), _FIG6),
         # The printed constants make the vase slump below its last band.
@@ -108,8 +109,10 @@ def packaged_scenes() -> dict[str, Scene]:
     return NAMED | profiles
 
 
-def folder_scenes(folder: str | Path) -> dict[str, Scene]:
+def folder_scenes(folder: str | Path, minimum_radius: float | None = None) -> dict[str, Scene]:
     """Two squashes, at mid-height and at the shoulder, of each CSV profile in a folder.
+
+    ``minimum_radius`` clips pointed tips.
 
     Raises
     ------
@@ -120,23 +123,25 @@ def folder_scenes(folder: str | Path) -> dict[str, Scene]:
     if not files:
         raise ValueError(f"no CSV file in {folder}: each profile is a file with height,radius")
     scenes = [
-        profile_scene(f"{file.stem}-{place}", file, place)
+        profile_scene(f"{file.stem}-{place}", file, place, minimum_radius)
         for file in files
         for place in ("middle", "shoulder")
     ]
     return {scene.name: scene for scene in scenes}
 
 
-def profile_scene(name: str, source: str | Path, place: str) -> Scene:
+def profile_scene(
+    name: str, source: str | Path, place: str, minimum_radius: float | None = None
+) -> Scene:
     """A squash to 0.85 of the radius there, over 0.12 of the height or 0.05 of the clay."""
-    fine = load_profile(source, slices=512)
+    fine = load_profile(source, 512, minimum_radius)
     height, r0 = float(fine.height), float(fine.r0)
     middle = (fine.heights[:-1] + fine.heights[1:]) / 2
     centre = 0.5 * height if place == "middle" else _shoulder(middle, fine.radii, height)
     radius = 0.85 * float(np.interp(centre, middle, fine.radii))
     half = max(0.06 * height, _LEAST_SHARE * r0**2 / radius**2 / 2)
     squash = Squash(centre - half, centre + half, radius)
-    return Scene(name, lambda slices: load_profile(source, slices=slices), (squash,))
+    return Scene(name, lambda slices: load_profile(source, slices, minimum_radius), (squash,))
 
 
 def _shoulder(heights: np.ndarray, radii: np.ndarray, height: float) -> float:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from jaxclay.certificate import Forces
-from jaxclay.clay import Array
+from jaxclay.clay import Array, as_number
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -99,6 +99,6 @@ def sent_home(problem: Problem, point: Point, rests: Array) -> Point:
 
 def check_setting(name: str, value: float, low: float, high: float = float("inf")) -> None:
     """Raise unless low <= value <= high."""
-    if not low <= float(value) <= high:
+    if not low <= as_number(name, value) <= high:
         allowed = f"at least {low:g}" if high == float("inf") else f"between {low:g} and {high:g}"
         raise ValueError(f"{name} must be {allowed}, got {value:g}")

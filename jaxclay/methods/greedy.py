@@ -75,10 +75,6 @@ def _init(problem: Problem, start: Point, settings) -> State:
     return State(start, no_forces(problem), jnp.asarray(0), nothing_to_do, memory=step)
 
 
-def _greedy_step(problem: Problem, state: State, settings: GreedySettings) -> State:
-    return _block(problem, state, settings)
-
-
 def _refined_step(problem: Problem, state: State, settings: RefinedSettings) -> State:
     state = _block(problem, state, settings)
     at_end = state.memory <= settings.smallest_step
@@ -155,7 +151,7 @@ def _lay_out(problem: Problem, point: Point) -> _Lanes:
 
     return _Lanes(
         thickness=lay(point.thickness, 1.0),
-        radius=lay(radii(point.thickness, problem.rest.r0), 0.0),
+        radius=lay(radii(point.thickness, problem.rest.r0, n), 0.0),
         shift=lay(point.shift, 0.0),
         rest=lay(problem.rest.thickness, 1.0),
         exists=lay(jnp.ones(n), 0.0),
@@ -183,8 +179,8 @@ def _visit(problem: Problem, lanes: _Lanes, step, running) -> tuple[_Lanes, Arra
 
     lower, upper = t[1] + delta, t[2] - delta
     allowed = (lower >= floor * lanes.rest[2]) & ((upper >= floor * lanes.rest[3]) | (above == 0))
-    radius_lower = radii_of(jnp.where(allowed, lower, 1.0), problem.rest.r0, n)
-    radius_upper = above * radii_of(jnp.where(allowed, upper, 1.0), problem.rest.r0, n)
+    radius_lower = radii(jnp.where(allowed, lower, 1.0), problem.rest.r0, n)
+    radius_upper = above * radii(jnp.where(allowed, upper, 1.0), problem.rest.r0, n)
     change = _energy_change(
         problem, lanes, t, X, exists, delta, radius_lower - X[2], radius_upper - X[3]
     )
@@ -204,11 +200,6 @@ def _visit(problem: Problem, lanes: _Lanes, step, running) -> tuple[_Lanes, Arra
         shift=jnp.stack([S[0], S[1], S[2], S[3] + by]),
     )
     return moved, moves
-
-
-def radii_of(thickness: Array, r0: Array, slices: int) -> Array:
-    """Eq. 22 for any shape of array."""
-    return r0 * jnp.sqrt(1 / (slices * thickness))
 
 
 def _window(rows: Array) -> list[Array]:
@@ -245,7 +236,7 @@ def _energy_change(problem, lanes, t, X, exists, delta, lower_change, upper_chan
     return moved / n + m.alpha * n * tension + m.beta * n**3 * bending
 
 
-GREEDY = Method(GreedySettings, _init, _greedy_step, "the paper's greedy search, one step size")
+GREEDY = Method(GreedySettings, _init, _block, "the paper's greedy search, one step size")
 REFINED = Method(
     RefinedSettings, _init, _refined_step, "greedy, its step halved whenever nothing moves"
 )

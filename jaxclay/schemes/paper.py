@@ -38,15 +38,15 @@ class Point(NamedTuple):
         return Point(self.thickness + jnp.diff(step), self.shift + step)
 
 
-def radii(thickness: Array, r0: Array) -> Array:
-    """(n,) X_i = r0 sqrt(h / t_i), eq. 22."""
-    return r0 / jnp.sqrt(thickness.shape[0] * thickness)
+def radii(thickness: Array, r0: Array, slices: int) -> Array:
+    """X_i = r0 sqrt(h / t_i) of any slices of a grid of n, eq. 22."""
+    return r0 / jnp.sqrt(slices * thickness)
 
 
 def sample(rest: Rest, point: Point) -> Samples:
     """Samples of the contour at each slice, with weight h (eq. 21)."""
     n = rest.slices
-    X = radii(point.thickness, rest.r0)
+    X = radii(point.thickness, rest.r0, n)
     zero = jnp.zeros((1,), X.dtype)
     return Samples(
         stretch=point.thickness / rest.thickness,
