@@ -76,7 +76,7 @@ def save(answer: Solution, path: str | os.PathLike) -> None:
     """Write :func:`solution`'s picture; the name's ending, one of FORMATS, says in which format."""
     figure, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
     solution(answer, ax)
-    figure.savefig(path, dpi=150)
+    figure.savefig(path, dpi=150, bbox_inches="tight")
     plt.close(figure)
 
 

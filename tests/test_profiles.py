@@ -127,7 +127,9 @@ BAD = {
     "height,radius\n0,1\n": r"at least 2 lines",
     "": r"needs a header",
     "height,radius\n0,1\n1,0\n": r"contour.csv: radii\[1\] is 0.*clips a pointed tip",
-    "# unit = 1\n# r0 = wide\nheight,radius,thickness,top\n0,1,0,0\n1,1,1,1\n": r"line 2: r0 'wide' is not a finite number",
+    "# unit = 1\n# r0 = wide\nheight,radius,thickness,top\n0,1,0,0\n1,1,1,1\n": (
+        r"line 2: r0 'wide' is not a finite number"
+    ),
     # A damaged thickness may not vanish in silence: the volume would.
     "# unit = 1\n# r0 = 1\nheight,radius,thickness\n0,1,0\n.1,1,.2\n.3,1,.2\n.5,1,-.2\n.7,1,.4\n": (
         r"line 7: thickness"
@@ -223,7 +225,7 @@ def test_a_saved_file_on_another_grid_keeps_unit_and_volume(tmp_path):
     before = jaxclay.deform(
         jaxclay.Clay.cylinder(slices=64),
         jaxclay.Squash(0.1, 0.5, 0.4),
-        jaxclay.Material.from_snake_units(),
+        jaxclay.Material.from_snake_units(mu=0.1),  # soft enough to raise the top
     ).clay
     jaxclay.save_profile(before, tmp_path / "a.csv")
     after = jaxclay.load_profile(tmp_path / "a.csv", slices=128)
