@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from jaxclay._host import is_concrete, pytree
+from jaxclay.checks import as_number, check_increasing, check_positive, check_slices
 
 Array = Any  # NumPy on the host, JAX inside transformations
 
@@ -63,7 +64,7 @@ class Clay:
                 f"{self.thickness.shape}"
             )
         check_slices(self.slices)
-        _check_increasing(self.heights, "heights")
+        check_increasing(self.heights, "heights")
         if self.heights[0] != 0:
             raise ValueError(f"heights must start at 0, got {self.heights[0]:g}")
         if not (self.thickness > 0).all():
@@ -121,7 +122,7 @@ class Clay:
                 "heights and radii must be two lists of the same length, at least 2: got shapes "
                 f"{heights.shape} and {radii.shape}"
             )
-        _check_increasing(heights, "heights")
+        check_increasing(heights, "heights")
         radii = _clip_radii(radii, minimum_radius)
         y = _equal_volume_heights(heights - heights[0], radii, slices)
         steps, ra, rb = np.diff(heights), radii[:-1], radii[1:]
@@ -215,43 +216,6 @@ def unchecked_clay(heights: Array, thickness: Array, r0: Array, unit: Array) -> 
     """A Clay from arrays that may be traced, or a solver's word; no validation."""
     leaves = (heights, thickness, r0, unit)
     return jax.tree.unflatten(jax.tree.structure(Clay.cylinder(slices=3)), leaves)
-
-
-def check_slices(slices: int) -> None:
-    """Raise unless ``slices`` is a whole number of at least 3, the fewest with a bending term."""
-    whole = isinstance(slices, int | np.integer) and not isinstance(slices, bool)
-    if not whole or slices < 3:
-        raise ValueError(f"slices must be a whole number of at least 3, got {slices!r}")
-
-
-def check_positive(name: str, value) -> None:
-    """Raise unless ``value`` is a finite positive number."""
-    if not is_concrete(value):
-        return
-    value = as_number(name, value)
-    if not (value > 0 and np.isfinite(value)):
-        raise ValueError(f"{name} must be positive and finite, got {value:g}")
-
-
-def as_number(name: str, value) -> float:
-    """The value as a float, or an error that names it."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a number, got {value!r}") from None
-
-
-def _check_increasing(heights: np.ndarray, name: str) -> None:
-    if not np.isfinite(heights).all():
-        i = int(np.argmin(np.isfinite(heights)))
-        raise ValueError(f"{name}[{i}] is {heights[i]}, but {name} must be finite")
-    steps = np.diff(heights)
-    if not (steps > 0).all():
-        i = int(np.argmax(steps <= 0))
-        raise ValueError(
-            f"{name} must increase from bottom to top, but {name}[{i + 1}] = {heights[i + 1]:g} "
-            f"follows {name}[{i}] = {heights[i]:g}"
-        )
 
 
 def _clip_radii(radii: np.ndarray, minimum: float | None) -> np.ndarray:

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxclay.clay import Clay, check_positive, check_slices
+from jaxclay.checks import check_positive, check_slices
+from jaxclay.clay import Clay
 
 # The Utah teapot's body (M. Newell 1975): cubic Bezier control points (radius, height).
 _TEAPOT_BODY = (

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 
 from jaxclay._host import is_concrete, pytree
-from jaxclay.clay import Array, Clay, as_number, check_positive
+from jaxclay.checks import as_number, check_positive
+from jaxclay.clay import Array, Clay
 
 
 @pytree

@@ -13,22 +13,15 @@ Four kinds of rows come out, told apart by the column ``experiment``:
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import jax
-import numpy as np
-
-from jaxclay._host import as_float64
-from jaxclay.clay import Clay, Material
+from jaxclay.clay import Clay
+from jaxclay.compare.clock import Clock
 from jaxclay.compare.scenes import Scene
 from jaxclay.contour import contour_error
-from jaxclay.loop import solve
-from jaxclay.minimize import Solution, conclude, method_settings, minimize
-from jaxclay.problem import Problem, pose, total_energy
-from jaxclay.scm import RoughShape, rough_shape
-from jaxclay.squash import Squash
+from jaxclay.minimize import Solution, minimize
+from jaxclay.problem import total_energy
 
 LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
     "newton": ("tolerance", (1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11, 1e-14)),
@@ -39,9 +32,6 @@ LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
     "greedy-refined": ("smallest_step", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
 }
 STOPS = (1, 2, 4, 8, 16, 64, 256, 1024, 8192)
-_LONG = 0.2  # seconds: a run longer than that is made twice only
-_ENOUGH = 0.02  # seconds of repeats that short runs get
-_MOST_REPEATS = 25
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +107,7 @@ def run(
     plan: Plan, tick: Callable[[str], None] = lambda _: None
 ) -> Iterator[tuple[Row, Overlay | None]]:
     """Yield rows as they are measured; ``tick`` hears of every job and method as it begins."""
-    clock = _Clock(plan.repeats)
+    clock = Clock(plan.repeats)
     finest: dict[tuple[str, str], Clay | None] = {}
     for job in plan.jobs():
         yield from _run_job(plan, job, clock, finest, tick)
@@ -235,54 +225,3 @@ def _visits(method: str, answer: Solution, seconds: float) -> float:
 
 def _distance(clay: Clay, target: Clay | None) -> float:
     return float("nan") if target is None else contour_error(clay, target)
-
-
-class _Clock:
-    """Times solves, with compiling apart: a first call of each method on each grid pays for it."""
-
-    def __init__(self, repeats: int):
-        self.repeats = repeats
-        self.compiled: dict[tuple[str, int], float] = {}
-
-    def warm_up(self, methods: list[str], slices: int) -> None:
-        """Compile each method for a grid, on one step of a squash of any kind."""
-        problem = pose(Clay.cylinder(slices=slices), Squash(0.0, 0.5, 0.4), Material())
-        rough = rough_shape(problem)
-        for method in methods:
-            if (method, slices) not in self.compiled:
-                once = _timed(problem, rough, method, {"max_iterations": 1})
-                first, second = once()[0], once()[0]
-                self.compiled[method, slices] = max(first - second, 0.0)
-
-    def time(self, problem: Problem, rough: RoughShape, method: str, settings: dict):
-        """The timing columns, and the answer."""
-        once = _timed(problem, rough, method, settings)
-        seconds, outcome = once()
-        # Short runs are cheap to repeat and noisy, long ones the opposite.
-        more = int(np.clip(_ENOUGH / seconds, self.repeats, _MOST_REPEATS))
-        repeats = more if seconds < _LONG else 2
-        times = np.array([seconds, *(once()[0] for _ in range(repeats - 1))])
-        answer = conclude(problem, rough, jax.tree.map(np.asarray, outcome), method)
-        timing = {
-            "compile_s": self.compiled[method, problem.slices],
-            "solve_s": float(np.median(times)),
-            "solve_s_least": float(times.min()),
-            "solve_s_most": float(times.max()),
-            "repeats": len(times),
-        }
-        return timing, answer
-
-
-def _timed(problem: Problem, rough: RoughShape, method: str, settings: dict):
-    """A solve that can be called again and again: its seconds and its outcome."""
-    with jax.enable_x64(True):
-        chosen = method_settings(method, settings)
-        arguments = jax.device_put(as_float64((problem, rough.point, chosen, rough.feasible)))
-
-    def once() -> tuple[float, Any]:
-        with jax.enable_x64(True):
-            begin = time.perf_counter()
-            outcome = jax.block_until_ready(solve(*arguments, method=method))
-            return time.perf_counter() - begin, outcome
-
-    return once

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 
 from jaxclay.certificate import Forces
-from jaxclay.clay import Array, as_number
+from jaxclay.checks import as_number
+from jaxclay.clay import Array
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 

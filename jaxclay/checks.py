@@ -1,0 +1,45 @@
+"""Validation on the host: each check names the value and what is allowed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jaxclay._host import is_concrete
+
+
+def check_slices(slices: int) -> None:
+    """Raise unless ``slices`` is a whole number of at least 3, the fewest with a bending term."""
+    whole = isinstance(slices, int | np.integer) and not isinstance(slices, bool)
+    if not whole or slices < 3:
+        raise ValueError(f"slices must be a whole number of at least 3, got {slices!r}")
+
+
+def check_positive(name: str, value) -> None:
+    """Raise unless ``value`` is a finite positive number."""
+    if not is_concrete(value):
+        return
+    value = as_number(name, value)
+    if not (value > 0 and np.isfinite(value)):
+        raise ValueError(f"{name} must be positive and finite, got {value:g}")
+
+
+def as_number(name: str, value) -> float:
+    """The value as a float, or an error that names it."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a number, got {value!r}") from None
+
+
+def check_increasing(heights: np.ndarray, name: str) -> None:
+    """Raise unless the heights are finite and increase; the error names the first that is not."""
+    if not np.isfinite(heights).all():
+        i = int(np.argmin(np.isfinite(heights)))
+        raise ValueError(f"{name}[{i}] is {heights[i]}, but {name} must be finite")
+    steps = np.diff(heights)
+    if not (steps > 0).all():
+        i = int(np.argmax(steps <= 0))
+        raise ValueError(
+            f"{name} must increase from bottom to top, but {name}[{i + 1}] = {heights[i + 1]:g} "
+            f"follows {name}[{i}] = {heights[i]:g}"
+        )
