@@ -59,7 +59,7 @@ def solution(answer: Solution, ax: Axes | None = None) -> Axes:
         problem.clay, ax or _new_axes(7, 4.5), color=COLOURS[7], linestyle=":", label="before"
     )
     contour(
-        answer.rough.clay(problem),
+        answer.rough.clay(problem.clay),
         ax,
         color=COLOURS[4],
         linestyle="--",

@@ -60,10 +60,10 @@ class RoughShape:
     case_code: Array
     case_below_code: Array
 
-    def clay(self, problem: Problem) -> Clay:
-        """The rough shape of ``problem`` as clay."""
-        clay = problem.clay
-        return unchecked_clay(self.heights, self.point.thickness * clay.unit, clay.r0, clay.unit)
+    def clay(self, before: Clay) -> Clay:
+        """The rough shape as clay, given the clay before the squash."""
+        thickness = self.point.thickness * before.unit
+        return unchecked_clay(self.heights, thickness, before.r0, before.unit)
 
     @property
     def case(self) -> str:

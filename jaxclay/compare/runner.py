@@ -136,7 +136,7 @@ def _run_job(plan, job, clock, finest, tick):
         answers[method] = answer.clay
         overlay = None
         if job.shown and method == plan.methods[-1]:
-            rough = answer.rough.clay(problem)
+            rough = answer.rough.clay(problem.clay)
             overlay = Overlay(scene.name, units, n, problem.clay, rough, answers)
         yield row, overlay
         if job.shown and scene.name in plan.on_ladders:

@@ -4,8 +4,9 @@ The kinks of friction are smoothed as sqrt(d^2 + eps^2), but its force lam is an
 unknown of its own (Chan, Golub and Mulet 1999), so that Newton's region of
 convergence does not shrink with eps; the floor is an interior-point barrier.
 Where the Hessian is not positive definite, as on every rough shape with a jump
-of radius, Gauss-Newton takes its place.  When eps has shrunk, an active-set
-polish (Hintermueller, Ito and Kunisch 2003) makes resting nodes rest exactly.
+of radius, Gauss-Newton takes its place; with it the rough shape is never too
+far away, and no coarser grid has to be solved first (measured to 1024 slices).
+At the end the nodes that hardly moved are put back to rest exactly.
 
 Dense: O(n^3) a step, the reference for everything faster.
 """
