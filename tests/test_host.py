@@ -219,3 +219,19 @@ def test_data_flows_one_way():
             later = set(ORDER[ORDER.index(place) + 1 :]) | {"methods"}
             later -= {"methods"} if place == "minimize" else set()
             assert not imported_by(path) & later, path
+
+
+@pytest.mark.parametrize(
+    ("bottom", "top"), [(5.0, 6.0), (0.5, 0.501)], ids=["above the clay", "between two nodes"]
+)
+def test_what_the_host_refuses_is_infeasible_inside_jit(bottom, top):
+    """Nobody can raise there, so the status has to say it."""
+    clay, material = jaxclay.Clay.cylinder(slices=64), jaxclay.Material.from_snake_units()
+    with pytest.raises(ValueError, match="band"):
+        jaxclay.deform(clay, jaxclay.Squash(bottom, top, 0.4), material)
+
+    def code(top):
+        return jaxclay.deform(clay, jaxclay.Squash(bottom, top, 0.4), material).status_code
+
+    with jax.enable_x64(True):
+        assert jaxclay.Status(int(jax.jit(code)(top))) is jaxclay.Status.INFEASIBLE
