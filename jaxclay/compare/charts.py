@@ -148,7 +148,8 @@ def overlay_figure(overlays: list[Overlay]) -> Figure:
             if name in overlay.answers:
                 label = "minimum (newton)" if name == "newton" else name
                 contour(overlay.answers[name], ax, color=colour, linestyle=style, label=label)
-        ax.set_title(f"{overlay.scene}, {overlay.slices} slices", fontsize=10)
+        ax.set_title(f"{overlay.scene}\n{overlay.slices} slices", fontsize=9)
+        ax.locator_params(axis="x", nbins=3)
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
     return figure
