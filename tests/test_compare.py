@@ -7,6 +7,7 @@ import pytest
 
 import jaxclay
 from jaxclay.cli import main
+from jaxclay.compare.command import compare
 from jaxclay.compare.scenes import NAMED, folder_scenes, packaged_scenes, profile_scene
 
 pd = pytest.importorskip("pandas")
@@ -105,6 +106,22 @@ def test_report_needs_no_network(compared):
     assert page.count("<figure>") == len(list(folder.glob("*.png"))) == 5
     assert "reference" in page
     assert "bottle-shoulder" in page
+
+
+def test_an_interrupted_run_writes_what_it_measured(tmp_path):
+    """Ctrl-C at any moment, here after each of the first few solves."""
+    for most in (2, 3):
+        out, ticks = tmp_path / str(most), []
+
+        def interrupt(ticks=ticks, most=most):
+            ticks.append(1)
+            if len(ticks) > most:
+                raise KeyboardInterrupt
+
+        assert compare(out, scenes=["reference"], quick=True, interrupt=interrupt) == 130
+        table = pd.read_parquet(out / "results.parquet")
+        assert 0 < len(table[table.experiment.isin(["answer", "grid"])]) < most
+        assert (out / "report.html").exists()
 
 
 def test_bad_requests_are_refused_with_2(tmp_path, capfd):

@@ -24,9 +24,9 @@ _UNITS = {
 
 def charts(table: pd.DataFrame, overlays: list[Overlay]) -> Iterator[tuple[str, str, Figure]]:
     """Name, caption and figure of each chart; the caller closes the figures."""
-    ladder = select(table, table.experiment.isin(["ladder", "trace"]))
+    ladder = select(table, table.experiment == "ladder")
     for scene in ladder.scene.unique():
-        rows = select(ladder, (ladder.scene == scene) & (ladder.experiment == "ladder"))
+        rows = select(ladder, ladder.scene == scene)
         yield (
             f"gap-{scene}",
             f"(a) {scene}: energy gap to the certified minimum against time, each method over a "
@@ -51,8 +51,9 @@ def charts(table: pd.DataFrame, overlays: list[Overlay]) -> Iterator[tuple[str, 
             f"{_UNITS[units]}.",
             overlay_figure(chosen),
         )
-    for scene in ladder.scene.unique():
-        rows = select(ladder, (ladder.scene == scene) & (ladder.experiment == "trace"))
+    trace = select(table, table.experiment == "trace")
+    for scene in trace.scene.unique():
+        rows = select(trace, trace.scene == scene)
         yield (
             f"energy-{scene}",
             f"(d) {scene}: E_total against time, runs stopped after more and more iterations.",

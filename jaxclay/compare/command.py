@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -46,6 +47,7 @@ def compare(
     """
     plan = make_plan(scenes, methods, slices, profiles, quick, minimum_radius)
     out.mkdir(parents=True, exist_ok=True)
+    tempfile.TemporaryFile(dir=out).close()  # a folder that refuses should do so now
     rows: list[Row] = []
     overlays: list[Overlay] = []
     interrupted = False
