@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import in_float64, is_concrete, is_transformed, pytree
-from jaxclay.certificate import Certificate, certify
+from jaxclay.certificate import Certificate, certify, slack
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.energy import Terms
 from jaxclay.implicit import solve_implicitly
@@ -218,11 +218,10 @@ def start_from(problem: Problem, heights: Array) -> Point:
             f"start must hold one height for each of {problem.slices + 1} nodes: got shape "
             f"{np.shape(heights)}"
         )
-    point = in_float64("minimize", _imposed, problem, heights)
+    point, room = in_float64("minimize", _imposed, problem, heights)
     if is_concrete(problem, heights) and not is_transformed(point):
         if not np.isfinite(heights).all() or (np.diff(heights) <= 0).any():
             raise ValueError("start must be finite and increase from node to node")
-        room = point.thickness - np.asarray(problem.floor)
         if (room < -1e-9 * problem.rest.thickness).any():
             i = int(np.argmin(room / problem.rest.thickness))
             raise ValueError(
@@ -234,8 +233,9 @@ def start_from(problem: Problem, heights: Array) -> Point:
 
 
 @jax.jit
-def _imposed(problem: Problem, heights: Array) -> Point:
-    return problem.imposed(problem.point(heights))
+def _imposed(problem: Problem, heights: Array) -> tuple[Point, Array]:
+    point = problem.imposed(problem.point(heights))
+    return point, slack(problem, point)
 
 
 @jax.jit

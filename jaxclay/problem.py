@@ -212,8 +212,13 @@ def _pose(clay: Clay, squash: Squash, material: Material) -> Problem:
     return Problem(clay, rest, tool, material, band, held | ends, shift)
 
 
+@jax.jit
+def _held(problem: Problem) -> Array:
+    return problem.band.holds(problem.slices)
+
+
 def _check_band(problem: Problem, squash: Squash) -> None:
-    held = np.asarray(problem.band.holds(problem.slices))
+    held = in_float64("pose", _held, problem)  # on the host a node on the edge needs float64 too
     if held.sum() >= 2:
         return
     share = float(problem.band.upper - problem.band.lower)

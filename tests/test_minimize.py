@@ -239,3 +239,16 @@ def test_the_start_does_not_change_the_minimum():
     best = minimize(problem)
     lifted = best.heights + 0.02 * (np.arange(65) - 12).clip(0) / 52
     np.testing.assert_allclose(minimize(problem, start=lifted).heights, best.heights, atol=1e-7)
+
+
+@pytest.mark.parametrize("slices", [50, 100])
+def test_a_start_exactly_on_the_floor_is_allowed(slices):
+    """The floor has to be compared in float64: in float32 it lies above itself half the time."""
+    clay = jaxclay.Clay.cylinder(radius=0.5, height=1.3, slices=slices)
+    for floor in (0.03, 0.05, 0.07, 0.11):
+        material = jaxclay.Material(mu=4.0, alpha=0.0, beta=0.0, floor=floor)
+        problem = jaxclay.pose(clay, jaxclay.Squash(0.0, 0.4, 0.3), material)
+        rough = jaxclay.rough_shape(problem, discrete=True)
+        assert rough.floored
+        again = jaxclay.minimize(problem, start=rough.heights)
+        assert again.status is jaxclay.Status.CONVERGED
