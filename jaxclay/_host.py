@@ -8,8 +8,9 @@ the caller owns the flag, so there it must be on.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import jax
 import jax.core
@@ -64,8 +65,34 @@ def as_float64(tree: T) -> T:
     return jax.tree.map(convert, tree)
 
 
-def in_float64(name: str, compiled: Callable[..., T], *args: Any) -> T:
-    """Call ``compiled(*args)`` in float64.
+class Compiled:
+    """A function for the host to call and for JAX to trace.
+
+    Attributes
+    ----------
+    traced : the function as part of what is being traced
+    whole : the function compiled by itself, with options that JAX allows only there
+    """
+
+    # XLA's newer way of fusing loops takes twice the time to compile and runs no faster here.
+    _OPTIONS: ClassVar = {"xla_cpu_use_fusion_emitters": False}
+
+    def __init__(self, fun: Callable[..., Any], static: tuple[str, ...] = ()):
+        functools.update_wrapper(self, fun)
+        self.traced = jax.jit(fun, static_argnames=static)
+        self.whole = jax.jit(fun, static_argnames=static, compiler_options=self._OPTIONS)
+
+    def __call__(self, *args: Any, **static: Any) -> Any:
+        return (self.traced if is_transformed(*args) else self.whole)(*args, **static)
+
+
+def compiled(*static: str) -> Callable[[Callable[..., Any]], Compiled]:
+    """Decorate a function as :class:`Compiled`, given its static arguments' names."""
+    return lambda fun: Compiled(fun, static)
+
+
+def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
+    """Call ``fun(*args, **static)`` in float64.
 
     On the host the result comes back as NumPy arrays.  Inside a transformation
     it stays traced.
@@ -83,6 +110,6 @@ def in_float64(name: str, compiled: Callable[..., T], *args: Any) -> T:
                 'jax.config.update("jax_enable_x64", True), or wrap the outermost call in '
                 "`with jax.enable_x64(True):`."
             )
-        return compiled(*args)
+        return fun.traced(*args, **static)
     with jax.enable_x64(True):
-        return jax.tree.map(np.asarray, compiled(*as_float64(args)))
+        return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))

@@ -11,7 +11,7 @@ from jaxclay.contour import polyline
 
 if TYPE_CHECKING:
     from jaxclay.clay import Clay
-    from jaxclay.minimize import Solution
+    from jaxclay.solution import Solution
 
 _SIZE = 180  # pixels of the longer side
 

@@ -19,8 +19,8 @@ from jaxclay.side import Side, edge_tension, move_energy, solve_sides
 
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
 _LEAST = 1e-3  # of a slice: least clay below a band above the bottom
-_BISECTIONS = 40
-_SCANNED_AT_ONCE = 256
+_CUTS = 32
+_SCANNED = 64  # places at once
 
 
 class Rest(NamedTuple):
@@ -165,7 +165,7 @@ def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
 
 
 def _cheapest(rest, tool, material, place, low, high):
-    """Scan the kinks of the summed E_move, then bisect its slope beside the best one."""
+    """Scan the kinks of the summed E_move, then follow its slope beside the best one."""
 
     def solved(lower):
         pair = sides(rest, tool, place(lower))
@@ -185,23 +185,52 @@ def _cheapest(rest, tool, material, place, low, high):
     nodes = rest.nodes()
     share = place(low).upper - low
     kinks = jnp.sort(jnp.concatenate([nodes, nodes - share, low[None], high[None]]))
-    kinks = jnp.clip(kinks, low, high)
-    energies = jax.lax.map(energy, kinks, batch_size=min(_SCANNED_AT_ONCE, kinks.shape[0]))
-    best = jnp.argmin(energies)
-    left = kinks[jnp.searchsorted(kinks, kinks[best], side="left") - 1]
-    left = jnp.where(kinks[best] > low, left, low)
-    after = jnp.searchsorted(kinks, kinks[best], side="right")
-    right = kinks[jnp.minimum(after, kinks.shape[0] - 1)]
+    left, right = _around_least(jax.vmap(energy), kinks, low, high)
+    root = _sign_change(slope, *jax.lax.stop_gradient((left, right)))
+    return _follow(slope, jax.lax.stop_gradient(root))
 
-    def bisect(_, bounds):
-        left, right = bounds
-        middle = (left + right) / 2
-        falls = slope(middle) < 0
-        return jnp.where(falls, middle, left), jnp.where(falls, right, middle)
 
-    bounds = jax.lax.stop_gradient((left, right))
-    left, right = jax.lax.fori_loop(0, _BISECTIONS, bisect, bounds)
-    return _follow(slope, jax.lax.stop_gradient((left + right) / 2))
+def _around_least(energies, places: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """The places, sorted, before and after that of least energy between low and high.
+
+    Many places are scanned in rounds, each between the neighbours of the last
+    round's best: neighbouring kinks differ little where there are many.
+    """
+    first = jnp.searchsorted(places, low, side="left")
+    last = jnp.searchsorted(places, high, side="right") - 1
+    best, most = first, places.shape[0]
+    while most > 1:
+        index = first + jnp.arange(_SCANNED) * (last - first) // (_SCANNED - 1)
+        best = index[jnp.argmin(energies(places[index]))]
+        apart = -(-(last - first) // (_SCANNED - 1))
+        first, last = jnp.maximum(first, best - apart), jnp.minimum(last, best + apart)
+        most = 2 * -(-most // (_SCANNED - 1)) if most > _SCANNED else 1
+    before = jnp.searchsorted(places, places[best], side="left") - 1
+    after = jnp.searchsorted(places, places[best], side="right")
+    at = jnp.clip(jnp.stack([before, after]), 0, places.shape[0] - 1)
+    left, right = jnp.clip(places[at], low, high)
+    return left, right
+
+
+def _sign_change(slope, left: Array, right: Array) -> Array:
+    """Where a rising function passes 0: false position, whose stale end is halved (Illinois)."""
+
+    def cut(_, state):
+        left, right, low, high, _ = state
+        share = jnp.where(high > low, low / jnp.where(high > low, low - high, -1.0), 0.5)
+        middle = left + jnp.where((share > 0) & (share < 1), share, 0.5) * (right - left)
+        value = slope(middle)
+        falls = value < 0
+        return (
+            jnp.where(falls, middle, left),
+            jnp.where(falls, right, middle),
+            jnp.where(falls, value, low / 2),
+            jnp.where(falls, high / 2, value),
+            middle,
+        )
+
+    state = left, right, slope(left), slope(right), left
+    return jax.lax.fori_loop(0, _CUTS, cut, state)[-1]
 
 
 def _follow(slope, root: Array) -> Array:

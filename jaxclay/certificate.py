@@ -19,9 +19,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay import local
+from jaxclay import banded, local
 from jaxclay._host import pytree
+from jaxclay.banded import Model
 from jaxclay.clay import Array
+from jaxclay.local import Stiffness
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -30,6 +32,8 @@ SMALL = 1e-3
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+_SPRING = 1e4  # over the Hessian's largest entry
+_SPRING_ROUNDS = 4
 _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
 
 
@@ -98,90 +102,152 @@ def slack(problem: Problem, point: Point) -> Array:
 
 def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
     """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
-    n = problem.slices
-    limit = friction_limit(problem)
-    g = local.gradient(problem, point)
-    factor, positive, dropped = _factor(problem, point, g, limit)
-    candidates = _candidate_forces(problem, point, g, limit, forces, factor)
-
-    def judge(force: Forces):
-        r = g + force.friction - local.to_nodes(force.floor)
-        r = jnp.where(problem.free & ~dropped, r, 0.0)
-        newton = jax.scipy.linalg.cho_solve((factor, True), r)
-        gaps = limit * jnp.abs(point.shift) - force.friction * point.shift
-        decrement = r @ newton / 2 + jnp.sum(gaps) + jnp.sum(force.floor * slack(problem, point))
-        pushes = jnp.sum((force.floor > 0) & touches_floor(problem, point))
-        return decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), pushes
-
-    decrements, steps, residuals, on_floor = jax.vmap(judge)(candidates)
-    decrements = jnp.where(jnp.isnan(decrements), jnp.inf, decrements)
-    energy_free = problem.free_terms(point).total
+    model = local.smooth_model(problem, point)
+    friction = friction_limit(problem) * jnp.abs(point.shift)
+    energy_free = model.value + jnp.sum(friction)
+    factors = _factors(problem, point, model)
     gate = DECREMENT * jnp.maximum(energy_free, SMALL)
-    passes = (decrements <= gate) & (steps <= STEP)
-    best = jnp.argmin(jnp.where(passes, -jnp.inf, decrements))
+    best = _best_forces(problem, point, model.gradient, factors, forces, gate)
+    positive, admissible = factors.plain.positive, _admissible(problem, point)
+    return Certificate(
+        accepted=best.passes(gate) & positive & admissible,
+        decrement=jnp.where(positive, best.decrement, jnp.inf),
+        step=jnp.where(positive, best.step, jnp.inf),
+        residual=best.residual * problem.slices / (problem.material.mu + problem.material.k),
+        positive=positive,
+        admissible=admissible,
+        energy_free=energy_free,
+        on_floor=best.on_floor,
+    )
+
+
+class _Verdict(NamedTuple):
+    """What one pair of friction and floor forces says."""
+
+    decrement: Array
+    step: Array
+    residual: Array
+    on_floor: Array
+
+    def passes(self, gate: Array) -> Array:
+        return (self.decrement <= gate) & (self.step <= STEP)
+
+
+class _Factors(NamedTuple):
+    """Factors of the Hessian.
+
+    ``plain`` is H's; where H is indefinite, without the nodes that rest, which
+    ``dropped`` marks.  ``sprung`` is the same with stiff springs that hold the
+    slices at the floor, of strength ``springs``; it is there only if any is.
+    """
+
+    plain: Stiffness
+    dropped: Array
+    sprung: Stiffness
+    springs: Array
+
+
+def _factors(problem: Problem, point: Point, model: Model) -> _Factors:
+    limit, tight = friction_limit(problem), touches_floor(problem, point)
+    rests = problem.free & (point.shift == 0) & (jnp.abs(model.gradient) < limit)
+    springs = jnp.where(tight, _SPRING * jnp.max(jnp.abs(model.bands[0])), 0.0)
+    whole, without_rests, with_springs, done = range(4)
+
+    def factor(dropped: Array, between: Array) -> Stiffness:
+        kept = dataclasses.replace(problem, fixed=problem.fixed | dropped)
+        bands = banded.masked(model.bands, kept.free)
+        return local.stiffness(kept, point, bands, between, jnp.zeros_like(limit))
+
+    def body(carry):
+        turn, factors = carry
+        sprung = turn == with_springs
+        dropped = jnp.where(turn == without_rests, rests, factors.dropped)
+        new = factor(dropped, jnp.where(sprung, springs, 0.0))
+        plain, held = (
+            jax.tree.map(lambda a, b, use=use: jnp.where(use, a, b), new, old)
+            for use, old in ((~sprung, factors.plain), (sprung, factors.sprung))
+        )
+        indefinite = (turn == whole) & ~plain.positive & jnp.any(rests)
+        after = jnp.where(~sprung & jnp.any(tight), with_springs, done)
+        turn = jnp.where(indefinite, without_rests, after)
+        return turn, _Factors(plain, dropped, held, springs)
+
+    # A loop, so that factoring is compiled once.
+    shapes = jax.eval_shape(factor, rests, springs)
+    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+    first = _Factors(nothing, jnp.zeros_like(rests), nothing, springs)
+    return jax.lax.while_loop(lambda carry: carry[0] != done, body, (jnp.asarray(whole), first))[1]
+
+
+def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
+    """The first pair of forces that passes, else the one with the least decrement.
+
+    Tried are the solver's own; its friction with floor forces read off; and for
+    each threshold h mu sign(d) beyond it and -g within, with floor forces read off.
+    """
+    d, limit = point.shift, friction_limit(problem)
+    own = jnp.clip(forces.friction, -limit, limit)
+    thresholds = jnp.asarray((-1.0, -1.0, *_AT_REST))
+    keeps = problem.free & ~factors.dropped
+    tight = touches_floor(problem, point)
+
+    def judge(i):
+        within = jnp.abs(d) <= thresholds[i]
+        read = jnp.where(within, jnp.clip(-g, -limit, limit), limit * jnp.sign(d))
+        friction = jnp.where(i < 2, own, read)
+        floor = jax.lax.cond(
+            (i > 0) & jnp.any(tight),
+            lambda: _floor_forces(keeps, tight, factors, g + friction),
+            lambda: jnp.where(i > 0, 0.0, jnp.maximum(forces.floor, 0.0)),
+        )
+        r = jnp.where(keeps, g + friction - local.to_nodes(floor), 0.0)
+        newton = jnp.where(keeps, local.relaxed(factors.plain, r), 0.0)
+        decrement = r @ newton / 2 + jnp.sum(limit * jnp.abs(d) - friction * d)
+        decrement += jnp.sum(floor * slack(problem, point))
+        decrement = jnp.where(jnp.isnan(decrement), jnp.inf, decrement)
+        pushes = jnp.sum((floor > 0) & tight)
+        return _Verdict(decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), pushes)
+
+    def go_on(carry):
+        i, best = carry
+        return (i < thresholds.shape[0]) & ~best.passes(gate)
+
+    def body(carry):
+        i, best = carry
+        now = judge(i)
+        better = now.passes(gate) | (now.decrement < best.decrement) | (i == 0)
+        return i + 1, jax.tree.map(lambda a, b: jnp.where(better, a, b), now, best)
+
+    worst = _Verdict(jnp.inf, jnp.inf, jnp.inf, jnp.asarray(0))
+    worst = jax.tree.map(jnp.asarray, worst)
+    return jax.lax.while_loop(go_on, body, (0, worst))[1]
+
+
+def _floor_forces(keeps: Array, tight: Array, factors: _Factors, force: Array) -> Array:
+    """(n,) z >= 0 on the slices at the floor that balance a force (n+1,) best.
+
+    Method of multipliers: the springs' forces are added up until the slices
+    stay where they are.
+    """
+
+    def add(_, z):
+        left = jnp.where(keeps, force - local.to_nodes(z), 0.0)
+        return z + factors.springs * jnp.diff(local.relaxed(factors.sprung, left))
+
+    z = jax.lax.fori_loop(0, _SPRING_ROUNDS, add, jnp.zeros_like(factors.springs))
+    return jnp.where(tight, jnp.maximum(z, 0.0), 0.0)
+
+
+def _admissible(problem: Problem, point: Point) -> Array:
+    """Whether the shape keeps above the floor, in step with itself and to the tool."""
     # A slice on the floor may lie below it by rounding.
     low = -1e-12 * problem.rest.thickness
     above_floor = jnp.all(slack(problem, point) >= low) & jnp.all(point.thickness > 0)
     # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
     apart = jnp.diff(problem.rest.heights + point.shift) - point.thickness
     missed = jnp.where(problem.fixed, point.shift - problem.shift, 0.0)
-    admissible = above_floor & (jnp.max(jnp.abs(apart)) <= _CONSISTENT)
-    admissible = admissible & (jnp.max(jnp.abs(missed)) <= _CONSISTENT)
-    return Certificate(
-        accepted=passes[best] & positive & admissible,
-        decrement=jnp.where(positive, decrements[best], jnp.inf),
-        step=jnp.where(positive, steps[best], jnp.inf),
-        residual=residuals[best] * n / (problem.material.mu + problem.material.k),
-        positive=positive,
-        admissible=admissible,
-        energy_free=energy_free,
-        on_floor=on_floor[best],
-    )
-
-
-def _factor(problem, point, g, limit):
-    """Cholesky factor of H; where H is indefinite, of H without the nodes that rest."""
-    H = local.hessian(problem, point)
-    whole = jnp.linalg.cholesky(H)
-    rests = problem.free & (point.shift == 0) & (jnp.abs(g) < limit)
-    definite = jnp.all(jnp.isfinite(whole))
-    reduced = jax.lax.cond(
-        definite,
-        lambda: whole,
-        lambda: jnp.linalg.cholesky(local.masked(H, problem.free & ~rests)),
-    )
-    dropped = rests & ~definite
-    positive = jnp.all(jnp.isfinite(reduced))
-    return jnp.where(positive, reduced, jnp.eye(H.shape[0])), positive, dropped
-
-
-def _candidate_forces(problem, point, g, limit, forces, factor) -> Forces:
-    """The solver's forces first, then for each threshold: h mu sign(d) beyond, -g within."""
-    d = point.shift
-    own = jnp.clip(forces.friction, -limit, limit)
-    within = jnp.abs(d) <= jnp.asarray(_AT_REST)[:, None]
-    lam = jnp.where(within, jnp.clip(-g, -limit, limit), limit * jnp.sign(d))
-    friction = jnp.concatenate([own[None], lam])
-    pushed = _floor_forces(problem, point, g + friction, factor)
-    floor = pushed.at[0].set(jnp.maximum(forces.floor, 0.0))
-    # The solver may know its friction without its floor forces, so that pair is tried too.
-    return Forces(jnp.concatenate([friction, own[None]]), jnp.concatenate([floor, pushed[:1]]))
-
-
-def _floor_forces(problem, point, force, factor):
-    """For each row of force (m, n+1): z >= 0 on the slices at the floor that balances it best."""
-    tight = touches_floor(problem, point)
-
-    def balance():
-        D = jnp.diff(jnp.eye(force.shape[1]), axis=0)
-        masked = jnp.where(problem.free, force, 0.0)
-        DH = jax.scipy.linalg.cho_solve((factor, True), jnp.where(problem.free, D, 0.0).T).T
-        gram = local.masked(DH @ D.T, tight)
-        z = jnp.linalg.solve(gram, jnp.where(tight, masked @ DH.T, 0.0).T).T
-        return jnp.where(tight, jnp.maximum(z, 0.0), 0.0)
-
-    nothing = jnp.zeros((force.shape[0], point.thickness.shape[0]))
-    return jax.lax.cond(jnp.any(tight), balance, lambda: nothing)
+    consistent = jnp.max(jnp.abs(apart)) <= _CONSISTENT
+    return above_floor & consistent & (jnp.max(jnp.abs(missed)) <= _CONSISTENT)
 
 
 def touches_floor(problem: Problem, point: Point) -> Array:

@@ -16,10 +16,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import local
+from jaxclay import banded, local
 from jaxclay.certificate import friction_limit, touches_floor
 from jaxclay.clay import Array
-from jaxclay.loop import Outcome, solve
+from jaxclay.loop import Outcome, Start, run
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -28,21 +28,21 @@ _HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
 
 @partial(jax.custom_jvp, nondiff_argnums=(4,))
 def solve_implicitly(
-    problem: Problem, start: Point, settings: Any, feasible: Array, method: str
+    problem: Problem, start: Start, settings: Any, feasible: Array, method: str
 ) -> Outcome:
-    """:func:`jaxclay.loop.solve`, whose point can be differentiated by the problem."""
-    return solve(problem, start, settings, feasible, method=method)
+    """:func:`jaxclay.loop.run`, whose point can be differentiated by the problem."""
+    return run(problem, start, settings, feasible, method)
 
 
 @solve_implicitly.defjvp
 def _solve_jvp(method, primals, tangents):
-    problem, change = primals[0], tangents[0]
-    outcome = solve(*primals, method=method)
+    (problem, start, settings, feasible), change = primals, tangents[0]
+    outcome = run(problem, start, settings, feasible, method)
     point = outcome.point
     moving = problem.free & (point.shift != 0)
     tight = touches_floor(problem, point)
-    hessian = local.hessian(problem, point)
-    hold = jnp.where(tight, _HOLD * jnp.max(jnp.abs(jnp.diag(hessian))), 0.0)
+    bands = local.smooth_model(problem, point).bands
+    hold = jnp.where(tight, _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
 
     def force(problem: Problem) -> Array:
         """What would move the free nodes if the problem changed around them."""
@@ -53,8 +53,8 @@ def _solve_jvp(method, primals, tangents):
         return local.gradient(problem, Point(thickness, shift)) + friction + below
 
     _, rate = jax.jvp(force, (problem,), (change,))
-    matrix = local.masked(hessian + local.between_nodes(hold), moving)
-    step = -jnp.linalg.solve(matrix, jnp.where(moving, rate, 0.0))
+    matrix = banded.masked(bands + local.between_nodes(hold, problem.free), moving)
+    step = -banded.solve(banded.factorize(matrix), jnp.where(moving, rate, 0.0))
     shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
     tangent = jax.tree.map(_no_change, outcome)
     return outcome, tangent._replace(point=Point(change.rest.thickness + jnp.diff(shift), shift))

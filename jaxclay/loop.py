@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
+from jaxclay._host import compiled
 from jaxclay.certificate import Forces
 from jaxclay.clay import Array
 from jaxclay.methods import METHODS
+from jaxclay.methods.base import no_forces
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
+
+
+class Start(NamedTuple):
+    """Where a method starts.
+
+    Attributes
+    ----------
+    point : Point
+    forces : Forces
+        Multipliers; they count where ``near``.
+    near : bool
+        Whether this is a minimum of a problem close by, rather than any shape.
+    """
+
+    point: Point
+    forces: Forces
+    near: Array
 
 
 class Outcome(NamedTuple):
@@ -25,11 +43,21 @@ class Outcome(NamedTuple):
     finite: Array
 
 
-@partial(jax.jit, static_argnames="method")
+def cold(problem: Problem, point: Point) -> Start:
+    """A start of which only the shape is known."""
+    return Start(point, no_forces(problem), jnp.asarray(False))
+
+
+@compiled("method")
 def solve(
     problem: Problem, start: Point, settings: Any, feasible: Array, *, method: str
 ) -> Outcome:
-    """The method's loop, without the judge: one compiled call.
+    """The method from a shape, without the judge: one compiled call."""
+    return run(problem, cold(problem, start), settings, feasible, method)
+
+
+def run(problem: Problem, start: Start, settings: Any, feasible: Array, method: str) -> Outcome:
+    """The method's loop.
 
     Stops by the method's own rule, at the limit, or before the first step that
     is not finite.
@@ -46,7 +74,10 @@ def solve(
         state, finite = carry
         return finite & ~state.finished & (state.iterations < settings.max_iterations)
 
-    state = chosen.init(problem, start, settings)
+    if chosen.resume is None:
+        state = chosen.init(problem, start.point, settings)
+    else:
+        state = chosen.resume(problem, *start, settings)
     first = (state, feasible & _finite(state.point))
     state, finite = jax.lax.while_loop(go_on, body, first)
     return Outcome(state.point, state.forces, state.iterations, state.finished, finite)

@@ -3,132 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-import enum
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import in_float64, is_concrete, is_transformed, pytree
-from jaxclay.certificate import Certificate, certify, slack
+from jaxclay._host import compiled, in_float64
+from jaxclay.certificate import Certificate, certify
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.energy import Terms
 from jaxclay.implicit import solve_implicitly
-from jaxclay.loop import Outcome, solve
+from jaxclay.loop import Outcome
 from jaxclay.methods import METHODS
 from jaxclay.problem import Problem, pose
+from jaxclay.resolution import hidden_by_rounding
 from jaxclay.schemes.paper import Point
 from jaxclay.scm import RoughShape, rough_shape
+from jaxclay.solution import Solution, Status
 from jaxclay.squash import Squash
-
-
-class Status(enum.IntEnum):
-    """How a solve ended."""
-
-    CONVERGED = 0
-    STALLED = 1
-    ITERATION_LIMIT = 2
-    NON_FINITE = 3
-    INFEASIBLE = 4
-
-    def __str__(self) -> str:
-        return self.name.lower().replace("_", " ").replace("non finite", "non-finite")
-
-
-_MEANING = {
-    Status.CONVERGED: "the certificate accepts the answer as a local minimum",
-    Status.STALLED: "the method stopped by its own rule at a point that the certificate refuses; "
-    "another method, a finer step or a tighter tolerance may go on from it",
-    Status.ITERATION_LIMIT: "the iteration limit came first; raise max_iterations or start nearer",
-    Status.NON_FINITE: "the energy or the step became infinite or not a number; the last finite "
-    "shape is kept. Check the material's constants against the clay's size",
-    Status.INFEASIBLE: "no shape obeys the thickness floor: the held end leaves too little room. "
-    "Lower top, lower material.floor or let the upper end free",
-}
-
-
-@pytree
-@dataclasses.dataclass(frozen=True, eq=False)
-class Solution:
-    """An answer with its certificate.
-
-    Attributes
-    ----------
-    clay : Clay
-        The shape, ready for the next squash.
-    energy, terms : float, Terms
-        E_total and its four terms (eq. 9).
-    iterations : int
-        Newton or L-BFGS iterations, greedy's sweeps.
-    certificate : Certificate
-        The judge's findings; ``certificate.energy_free`` is E_free.
-    rough : RoughShape
-        What the sliced cylinder model says of the squash.
-    problem : Problem
-    method : str
-    status_code : int
-        See :attr:`status`.
-    error_estimate : None
-        Not known on the paper's scheme.
-    """
-
-    clay: Clay
-    energy: Array
-    terms: Terms
-    iterations: Array
-    certificate: Certificate
-    rough: RoughShape
-    problem: Problem
-    status_code: Array
-    error_estimate: Array | None
-    method: str = dataclasses.field(metadata={"static": True})
-
-    @property
-    def heights(self) -> Array:
-        """(n+1,) Y_i, in the clay's length unit."""
-        return self.clay.heights
-
-    @property
-    def unknowns(self) -> Array:
-        """How many heights were free."""
-        return self.problem.unknowns
-
-    @property
-    def status(self) -> Status:
-        """How the solve ended; CONVERGED only where the certificate accepts."""
-        return Status(int(self.status_code))
-
-    @property
-    def message(self) -> str:
-        """The status, what it means and what to do."""
-        text = f"{self.method}: {self.status}: {_MEANING[self.status]}"
-        if self.status is not Status.INFEASIBLE:
-            return text
-        problem, unit = self.problem, float(self.clay.unit)
-        nodes = np.arange(problem.slices + 1) / problem.slices
-        upper = np.interp(problem.band.upper, nodes, problem.rest.heights)
-        least = float(problem.material.floor) * float(problem.rest.heights[-1] - upper) * unit
-        room = float(problem.rest.heights[-1] - problem.tool.top) * unit
-        return f"{text}. Above top are {room:.6g}, and the clay there needs {least:.6g} at least"
-
-    def raise_for_status(self) -> Solution:
-        """The solution itself if it converged.
-
-        Raises
-        ------
-        RuntimeError
-            If it did not; the message names cause and cure.
-        """
-        if self.status is not Status.CONVERGED:
-            raise RuntimeError(self.message)
-        return self
-
-    def _repr_html_(self) -> str:
-        from jaxclay._html import solution_html
-
-        return solution_html(self)
+from jaxclay.start import Begin, begin_from, first_start, within
+from jaxclay.window import Piece, minimize_in_window
 
 
 def deform(
@@ -142,7 +37,11 @@ def deform(
 
 
 def minimize(
-    problem: Problem, method: str = "newton", start: Array | None = None, **settings: Any
+    problem: Problem,
+    method: str = "newton",
+    start: Array | Solution | None = None,
+    window: str | tuple[float, float] | None = None,
+    **settings: Any,
 ) -> Solution:
     """Minimise E_total over the free heights.
 
@@ -155,9 +54,17 @@ def minimize(
         From :func:`pose`.
     method : str
         A key of :data:`jaxclay.METHODS`.
-    start : (n+1,) array, optional
-        Heights to start from, in the clay's length unit; the rough shape if
-        not given.  The band's nodes are put where the tool wants them.
+    start : (n+1,) array or Solution, optional
+        Heights to start from, in the clay's length unit; the band's nodes are put
+        where the tool wants them.  Or the answer to a squash close by of the same
+        clay, whose displacements, multipliers and resting nodes are used: that is
+        for dragging a tool.  If not given, the rough shape; on more than 256 slices
+        ``newton`` goes by way of coarser grids.
+    window : "auto" or (bottom, top), optional
+        Solve for the clay between these heights of the clay before the squash
+        only, or, if "auto", for what the sliced cylinder model moves and some
+        more; wider where clay outside turns out to move.  The answer is judged
+        as a whole.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
 
@@ -165,36 +72,81 @@ def minimize(
     ------
     ValueError
         Unknown method or setting, a setting out of its range, a start of the
-        wrong length, out of order or below the thickness floor.
+        wrong length, out of order or below the thickness floor, a window that
+        is empty or reaches beyond the clay.
     TypeError
         Inside a JAX transformation while float64 is off.
     """
     chosen = method_settings(method, settings)
+    whole = begin_from(problem, start)
+    if window is not None:
+        rough = rough_shape(problem)
+
+        def solve(part: Problem, piece: Piece) -> Outcome:
+            begin = within(piece, whole)
+            return in_float64("minimize", _answered, part, begin, chosen, method=method).outcome
+
+        outcome = minimize_in_window(problem, rough, window, solve)
+        if outcome is not None:
+            return conclude(problem, rough, outcome, method)
+    answer = in_float64("minimize", _answered, problem, whole, chosen, method=method)
+    return solution_of(problem, answer, method)
+
+
+class Answer(NamedTuple):
+    """All that a solve finds out."""
+
+    rough: RoughShape
+    outcome: Outcome
+    levels: Array
+    verdict: Verdict
+
+
+class Verdict(NamedTuple):
+    """What the judge makes of an outcome."""
+
+    clay: Clay
+    point: Point
+    terms: Terms
+    certificate: Certificate
+    code: Array
+
+
+@compiled("method")
+def _answered(problem: Problem, begin: Begin, settings: Any, *, method: str) -> Answer:
+    """Rough shape, coarser grids where they help, the method, the judge: one compiled call."""
     rough = rough_shape(problem)
-    point = rough.point if start is None else start_from(problem, start)
-    arguments = (problem, point, chosen, rough.feasible)
-    call = solve_implicitly if is_transformed(*arguments) else solve
-    outcome = in_float64("minimize", partial(call, method=method), *arguments)
-    return conclude(problem, rough, outcome, method)
-
-
-def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
-    """Judge where a method ended, and say so."""
-    clay, terms, certificate, code = in_float64(
-        "minimize", _judge, problem, outcome, rough.feasible
+    start, levels = first_start(
+        *jax.lax.stop_gradient((problem, rough.point, begin, settings)), method
     )
+    outcome = solve_implicitly(problem, start, settings, rough.feasible, method)
+    return Answer(rough, outcome, levels, _judged(problem, outcome, rough.feasible))
+
+
+def solution_of(problem: Problem, answer: Answer, method: str) -> Solution:
+    """The answer as users see it."""
+    rough, outcome, levels, verdict = answer
     return Solution(
-        clay=clay,
-        energy=terms.total,
-        terms=terms,
+        clay=verdict.clay,
+        point=verdict.point,
+        energy=verdict.terms.total,
+        terms=verdict.terms,
         iterations=outcome.iterations,
-        certificate=certificate,
+        levels=levels,
+        certificate=verdict.certificate,
+        forces=outcome.forces,
         rough=rough,
         problem=problem,
-        status_code=code,
+        status_code=verdict.code,
         error_estimate=None,
         method=method,
     )
+
+
+def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
+    """Judge where a method, or a solver from elsewhere, ended, and say so."""
+    verdict = in_float64("minimize", _judged, problem, outcome, rough.feasible)
+    return solution_of(problem, Answer(rough, outcome, np.zeros(0, int), verdict), method)
 
 
 def method_settings(method: str, settings: dict[str, Any]) -> Any:
@@ -209,37 +161,8 @@ def method_settings(method: str, settings: dict[str, Any]) -> Any:
     return kind(**settings)
 
 
-def start_from(problem: Problem, heights: Array) -> Point:
-    """The caller's heights as a point that obeys the tool."""
-    if is_concrete(heights):
-        heights = np.asarray(heights, np.float64)
-    if np.shape(heights) != np.shape(problem.clay.heights):
-        raise ValueError(
-            f"start must hold one height for each of {problem.slices + 1} nodes: got shape "
-            f"{np.shape(heights)}"
-        )
-    point, room = in_float64("minimize", _imposed, problem, heights)
-    if is_concrete(problem, heights) and not is_transformed(point):
-        if not np.isfinite(heights).all() or (np.diff(heights) <= 0).any():
-            raise ValueError("start must be finite and increase from node to node")
-        if (room < -1e-9 * problem.rest.thickness).any():
-            i = int(np.argmin(room / problem.rest.thickness))
-            raise ValueError(
-                f"start, with the band where the tool wants it, makes slice {i} "
-                f"{point.thickness[i] / problem.rest.thickness[i]:.3g} times as thick as before: "
-                f"at least {float(problem.material.floor):g} (material.floor) is allowed"
-            )
-    return point
-
-
-@jax.jit
-def _imposed(problem: Problem, heights: Array) -> tuple[Point, Array]:
-    point = problem.imposed(problem.point(heights))
-    return point, slack(problem, point)
-
-
-@jax.jit
-def _judge(problem: Problem, outcome: Outcome, feasible: Array):
+@compiled()
+def _judged(problem: Problem, outcome: Outcome, feasible: Array) -> Verdict:
     """The shape, its terms, its certificate and the status code."""
     rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
@@ -247,9 +170,10 @@ def _judge(problem: Problem, outcome: Outcome, feasible: Array):
     certificate = certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
     finite = outcome.finite & jnp.isfinite(terms.total)
     code = jnp.where(outcome.finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
+    code = jnp.where(hidden_by_rounding(problem), Status.UNRESOLVED.value, code)
     code = jnp.where(certificate.accepted, Status.CONVERGED.value, code)
     code = jnp.where(finite, code, Status.NON_FINITE.value)
     code = jnp.where(feasible, code, Status.INFEASIBLE.value)
     accepted = code == Status.CONVERGED.value
     certificate = dataclasses.replace(certificate, accepted=accepted)
-    return problem.shape(point), terms, certificate, code
+    return Verdict(problem.shape(point), point, terms, certificate, code)

@@ -16,7 +16,7 @@ except ImportError as error:  # pragma: no cover
 
 from jaxclay.clay import Clay
 from jaxclay.contour import polyline
-from jaxclay.minimize import Solution
+from jaxclay.solution import Solution
 
 # Okabe and Ito's palette, told apart by colour-blind readers too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C8C")

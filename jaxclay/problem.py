@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import in_float64, is_concrete, is_transformed, pytree
+from jaxclay._host import compiled, in_float64, is_concrete, is_transformed, pytree
 from jaxclay.band import Band, Rest, Tool, locate_band
 from jaxclay.clay import Array, Clay, Material, unchecked_clay
 from jaxclay.energy import Terms, integrate
@@ -194,17 +193,21 @@ def bending_energy(problem: Problem, heights: Array) -> Array:
     return energy_terms(problem, heights).bending
 
 
-@jax.jit
+@compiled()
 def _terms(problem: Problem, heights: Array) -> Terms:
     return problem.terms(problem.point(heights))
 
 
-@jax.jit
+@compiled()
 def _pose(clay: Clay, squash: Squash, material: Material) -> Problem:
     unit = clay.unit
     rest = Rest(clay.thickness / unit, clay.heights / unit, clay.r0 / unit**1.5)
     tool = Tool(squash.bottom / unit, squash.top / unit, squash.radius / unit, squash.top_fixed)
-    band = locate_band(rest, tool, material)
+    return placed(clay, rest, tool, material, locate_band(rest, tool, material))
+
+
+def placed(clay: Clay, rest: Rest, tool: Tool, material: Material, band: Band) -> Problem:
+    """The problem of a band that has been located: its nodes fixed where the tool wants them."""
     held = band.holds(rest.slices)
     in_band = band.bottom + (rest.r0 / tool.radius) ** 2 * (rest.nodes() - band.lower)
     shift = jnp.where(held, in_band - rest.heights, 0.0).at[0].set(0.0)
@@ -212,7 +215,7 @@ def _pose(clay: Clay, squash: Squash, material: Material) -> Problem:
     return Problem(clay, rest, tool, material, band, held | ends, shift)
 
 
-@jax.jit
+@compiled()
 def _held(problem: Problem) -> Array:
     return problem.band.holds(problem.slices)
 

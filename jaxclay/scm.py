@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 
-from jaxclay._host import in_float64, pytree
+from jaxclay._host import compiled, in_float64, pytree
 from jaxclay.band import Band, sides
 from jaxclay.clay import Array, Clay, unchecked_clay
 from jaxclay.problem import Problem
@@ -96,12 +95,12 @@ def rough_shape(problem: Problem, discrete: bool = False) -> RoughShape:
     return in_float64("rough_shape", _discrete if discrete else _continuum, problem)
 
 
-@jax.jit
+@compiled()
 def _continuum(problem: Problem) -> RoughShape:
     return _describe(problem, *_solve(problem, discrete=False))
 
 
-@jax.jit
+@compiled()
 def _discrete(problem: Problem) -> RoughShape:
     return _describe(problem, *_solve(problem, discrete=True))
 

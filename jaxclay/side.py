@@ -21,7 +21,7 @@ import jax.numpy as jnp
 
 from jaxclay.clay import Array, Material
 
-_BISECTIONS = 45
+_BISECTIONS = 24
 _NEWTON_STEPS = 3
 
 

@@ -105,7 +105,7 @@ def test_new_values_compile_nothing():
     clay = Clay.cylinder(slices=8)
     for method in ("newton", "greedy"):
         deform(clay, Squash(0.0, 0.5, 0.4), Material(), method)
-    assert len(log) > 5  # the counter counts
+    assert len(log) >= 3  # the counter counts: pose and two methods
     log.clear()
     problem = pose(clay, Squash(0.0, 0.5, 0.4), Material())
     start = minimize(problem).heights

@@ -50,12 +50,16 @@ class Method(NamedTuple):
     step : (problem, state, settings) -> State
     summary : str
         What it is, in a line.
+    resume : (problem, start, forces, near, settings) -> State, optional
+        ``init`` for a method that gains from starting near: where ``near``, the start is a
+        minimum close by, with these forces.
     """
 
     settings: type
     init: Callable[[Problem, Point, Any], State]
     step: Callable[[Problem, State, Any], State]
     summary: str
+    resume: Callable[[Problem, Point, Forces, Array, Any], State] | None = None
 
 
 def no_forces(problem: Problem) -> Forces:

@@ -4,11 +4,10 @@ The kinks of friction are smoothed as sqrt(d^2 + eps^2), but its force lam is an
 unknown of its own (Chan, Golub and Mulet 1999), so that Newton's region of
 convergence does not shrink with eps; the floor is an interior-point barrier.
 Where the Hessian is not positive definite, as on every rough shape with a jump
-of radius, Gauss-Newton takes its place; with it the rough shape is never too
-far away, and no coarser grid has to be solved first (measured to 1024 slices).
-At the end the nodes that hardly moved are put back to rest exactly.
+of radius, Gauss and Newton's takes its place.  At the end the nodes that hardly
+moved are put back to rest exactly.
 
-Dense: O(n^3) a step, the reference for everything faster.
+Every step is O(n): the Hessian comes in bands, factored by :mod:`jaxclay.banded`.
 """
 
 from __future__ import annotations
@@ -23,12 +22,18 @@ from jaxclay import local
 from jaxclay._host import is_concrete, pytree
 from jaxclay.certificate import SMALL, Forces, friction_limit, slack
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, evened, sent_home
+from jaxclay.local import Stiffness
+from jaxclay.methods.base import Method, State, check_setting, evened, no_forces, sent_home
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
-_FIRST_EPS = 1e-2  # over the unit l
+_FIRST_EPS = 1e-3  # over the unit l
+_WARM_EPS = 1e-6
 _LAST_EPS = 1e-13
+_WARM_GAIN = 1e-6  # what there is to gain from a minimum close by, over E_free
+_SETTLED = 1e-2  # of the tolerance: where the last nodes begin to move, gains mislead
+_ROUNDING = 1e-17  # first shift of a matrix that is not positive definite, over its largest entry
+_TINY = 1e-300
 _EAGER = 1e-3  # barrier weight over promised gain
 _BACKTRACKS = 14
 _TO_BOUNDARY = 0.99  # of the way to the floor that a step may go
@@ -51,98 +56,114 @@ class NewtonSettings:
 class _Memory(NamedTuple):
     eps: Array
     gain: Array  # what the last step promised
-
-
-class _System(NamedTuple):
-    """The Newton system at a point, floor's barrier eliminated."""
-
-    matrix: Array
-    gradient: Array
-    barrier: Array
+    failures: Array  # factorisations in a row that found no positive definite matrix
 
 
 def init(problem: Problem, start: Point, settings: NewtonSettings) -> State:
     """Start off the floor, with multipliers that fit the smoothing."""
-    point = _interior(problem, start)
-    limit = friction_limit(problem)
-    eps = jnp.asarray(_FIRST_EPS)
-    lam = limit * point.shift / jnp.sqrt(point.shift**2 + eps**2)
-    memory = _Memory(eps, jnp.maximum(problem.free_terms(point).total, 0.0))
-    weight = _barrier(problem, point, memory)
-    forces = Forces(lam, jnp.where(problem.loose, weight / _room(problem, point), 0.0))
+    return resume(problem, start, no_forces(problem), jnp.asarray(False), settings)
+
+
+def resume(
+    problem: Problem, start: Point, forces: Forces, near: Array, settings: NewtonSettings
+) -> State:
+    """The same; where the start is a minimum close by, with the multipliers there."""
+    point, limit = _interior(problem, start), friction_limit(problem)
+    eps = jnp.where(near, _WARM_EPS, _FIRST_EPS)
+    fitting = limit * point.shift / jnp.sqrt(point.shift**2 + eps**2)
+    lam = jnp.where(near, jnp.clip(forces.friction, -limit, limit), fitting)
+    energy = jnp.maximum(problem.free_terms(point).total, 0.0)
+    # A jump of radius makes the Hessian indefinite: Gauss and Newton's goes first.
+    memory = _Memory(eps, jnp.where(near, _WARM_GAIN, 1.0) * energy, jnp.asarray(1))
+    pushes = _barrier(problem, energy, memory) / _room(problem, point)
+    pushes = jnp.where(near, jnp.maximum(forces.floor, pushes), pushes)
+    forces = Forces(lam, jnp.where(problem.loose, pushes, 0.0))
     return State(point, forces, jnp.asarray(0), ~jnp.any(problem.free), memory)
 
 
 def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
-    """One step on the smoothed energy; eps shrinks whenever its minimum is near."""
+    """One factorisation, and one step on the smoothed energy if it is positive definite.
+
+    eps shrinks whenever the smoothed energy's minimum is near.
+    """
     point, (lam, z), memory = state.point, state.forces, state.memory
     eps, limit, d = memory.eps, friction_limit(problem), point.shift
     phi = jnp.sqrt(d**2 + eps**2)
-    weight = _barrier(problem, point, memory)
-    system = _system(problem, point, z, weight)
-    curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
-    gradient = system.gradient + limit * d / phi
-    factor = _factor(problem, point, system.matrix, jnp.diag(curvature) + system.barrier)
-    delta = -jax.scipy.linalg.cho_solve((factor, True), gradient)
-    gain = -gradient @ delta / 2
-
-    length = _line_search(problem, point, delta, gain, eps, weight)
-    moved = point.moved(length * delta)
-    lam = jnp.clip(lam + length * (limit * d / phi - lam + curvature * delta), -limit, limit)
-    forces = Forces(lam, _floor_step(problem, point, z, delta, weight))
-
-    gate = settings.tolerance * jnp.maximum(problem.free_terms(point).total, SMALL)
-    solved = (gain <= 0.1 * eps * jnp.sum(limit) + gate) | (length == 0)
-    left = eps * jnp.sum(limit) + weight * problem.slices  # what smoothing and barrier hold back
-    finished = solved & ((eps <= _LAST_EPS) | (left <= gate))
-    smaller = jnp.maximum(jnp.minimum(0.1 * eps, eps**1.5), _LAST_EPS)
-    rests = finished & (jnp.abs(moved.shift) <= 100 * _LAST_EPS)
-    memory = _Memory(jnp.where(solved, smaller, eps), jnp.maximum(gain, 0.0))
-    return State(sent_home(problem, moved, rests), forces, state.iterations + 1, finished, memory)
-
-
-def _system(problem: Problem, point: Point, z: Array, weight: Array) -> _System:
+    model = local.smooth_model(problem, point)
+    energy = model.value + jnp.sum(limit * jnp.abs(d))
+    weight = _barrier(problem, energy, memory)
     room = _room(problem, point)
     pushes = jnp.where(problem.loose, weight / room, 0.0)
-    gradient = local.gradient(problem, point) - local.to_nodes(pushes)
-    barrier = local.between_nodes(jnp.where(problem.loose, z / room, 0.0))
-    free = problem.free
-    return _System(
-        matrix=local.hessian(problem, point),
-        gradient=jnp.where(free, gradient, 0.0),
-        barrier=jnp.where(free[:, None] & free[None, :], barrier, 0.0),
+    gradient = model.gradient + limit * d / phi
+    gradient -= jnp.where(problem.free, local.to_nodes(pushes), 0.0)
+    curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
+    stiff = _stiffness(problem, point, model.bands, z / room, curvature, memory.failures)
+    positive = stiff.positive
+    delta = jnp.where(positive, -local.relaxed(stiff, gradient), 0.0)
+    gain = -gradient @ delta / 2
+
+    length = _line_search(problem, point, model.value, delta, gain, eps, weight)
+    moved = point.moved(length * delta)
+    change = length * (limit * d / phi - lam + curvature * delta)
+    lam = jnp.where(positive, jnp.clip(lam + change, -limit, limit), lam)
+    z = jnp.where(positive, _floor_step(problem, point, z, delta, weight), z)
+
+    gate = settings.tolerance * jnp.maximum(energy, SMALL)
+    smoothing = eps * jnp.sum(limit)
+    near = positive & ((gain <= 0.1 * smoothing + gate) | (length == 0))
+    held_back = smoothing + weight * problem.slices  # by what is smoothed and by the barrier
+    last = (eps <= _LAST_EPS) | (held_back <= gate)
+    finished = near & last & ((gain <= _SETTLED * gate) | (length == 0))
+    smaller = jnp.minimum(
+        jnp.minimum(0.1 * eps, eps**1.5), gain / jnp.maximum(smoothing / eps, _TINY)
     )
+    eps = jnp.where(near, jnp.maximum(smaller, _LAST_EPS), eps)
+    gain = jnp.where(positive, jnp.maximum(gain, 0.0), memory.gain)
+    memory = _Memory(eps, gain, jnp.where(positive, 0, memory.failures + 1))
+    rests = finished & (jnp.abs(moved.shift) <= 100 * _LAST_EPS)
+    point = sent_home(problem, moved, rests)
+    return State(point, Forces(lam, z), state.iterations + 1, finished, memory)
 
 
-def _factor(problem, point, matrix, added):
-    """Cholesky factor of the Hessian plus ``added``, or of Gauss-Newton's if that has none."""
-    factor = jnp.linalg.cholesky(matrix + added)
-    return jax.lax.cond(
-        jnp.all(jnp.isfinite(factor)),
-        lambda: factor,
-        lambda: jnp.linalg.cholesky(local.gauss_newton(problem, point) + added),
-    )
+def _stiffness(problem, point, bands, floor, friction, failures) -> Stiffness:
+    """The Hessian's factor; after a failure Gauss and Newton's, then with a growing shift."""
+    bend = jnp.where(failures > 0, local.radius_curvature(problem, point), 0.0)
+    rounding = _ROUNDING * jnp.max(bands[0]) * 4.0**failures
+    shift = jnp.where(failures > 1, rounding, 0.0)
+    between = jnp.where(problem.loose, floor, 0.0) - bend
+    return local.stiffness(problem, point, bands, between, friction + shift)
 
 
-def _line_search(problem, point, delta, gain, eps, weight) -> Array:
+def _line_search(problem, point, value, delta, gain, eps, weight) -> Array:
     """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
     limit = friction_limit(problem)
 
-    def merit(shape: Point) -> Array:
+    def merit(value: Array, shape: Point) -> Array:
         room = _room(problem, shape)
         safe = jnp.where(room > 0, room, 1.0)
         barrier = weight * jnp.sum(jnp.where(problem.loose, jnp.log(safe), 0.0))
         smoothed = jnp.sum(limit * jnp.sqrt(shape.shift**2 + eps**2))
-        energy = problem.free_terms(shape).smooth + smoothed - barrier
-        return jnp.where(jnp.all(room > 0), energy, jnp.inf)
+        return jnp.where(jnp.all(room > 0), value + smoothed - barrier, jnp.inf)
 
-    lengths = _longest(problem, point, delta) * 0.5 ** jnp.arange(_BACKTRACKS)
-    here = merit(point)
-    there = jax.vmap(lambda a: merit(point.moved(a * delta)))(lengths)
+    here = merit(value, point)
     rounding = 1e-13 * jnp.abs(here)
-    lowers = (there <= here - 2e-4 * lengths * gain + rounding) | (gain <= rounding)
-    lowers = lowers & jnp.isfinite(there)
-    return jnp.where(jnp.any(lowers), lengths[jnp.argmax(lowers)], 0.0)
+
+    def rejected(length):
+        shape = point.moved(length * delta)
+        there = merit(problem.free_terms(shape).smooth, shape)
+        lowers = (there <= here - 2e-4 * length * gain + rounding) | (gain <= rounding)
+        return ~(lowers & jnp.isfinite(there))
+
+    def go_on(carry):
+        return carry[1] & (carry[2] < _BACKTRACKS)
+
+    def shorter(carry):
+        length, _, tries = carry
+        return length / 2, rejected(length / 2), tries + 1
+
+    longest = _longest(problem, point, delta)
+    length, fails, _ = jax.lax.while_loop(go_on, shorter, (longest, rejected(longest), 1))
+    return jnp.where(fails, 0.0, length)
 
 
 def _longest(problem: Problem, point: Point, delta: Array) -> Array:
@@ -169,12 +190,12 @@ def _room(problem: Problem, point: Point) -> Array:
     return jnp.where(problem.loose, slack(problem, point), 1.0)
 
 
-def _barrier(problem: Problem, point: Point, memory: _Memory) -> Array:
+def _barrier(problem: Problem, energy: Array, memory: _Memory) -> Array:
     """Weight of the floor's logarithms: high while much is to be gained, and falling with eps.
 
     Its least value keeps the slack above rounding and is no matter to the certificate.
     """
-    least = 1e-12 * jnp.maximum(problem.free_terms(point).total, SMALL)
+    least = 1e-12 * jnp.maximum(energy, SMALL)
     smoothing = problem.material.k * memory.eps * jnp.minimum(memory.eps, 1e-3)
     return (least + smoothing + _EAGER * memory.gain) / problem.slices
 
@@ -186,5 +207,5 @@ def _interior(problem: Problem, start: Point) -> Point:
 
 
 METHOD = Method(
-    NewtonSettings, init, step, "primal-dual Newton with an active-set polish, the reference"
+    NewtonSettings, init, step, "primal-dual Newton on a banded Hessian, the default", resume
 )

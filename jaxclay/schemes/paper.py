@@ -44,9 +44,13 @@ def radii(thickness: Array, r0: Array, slices: int) -> Array:
 
 
 def sample(rest: Rest, point: Point) -> Samples:
-    """Samples of the contour at each slice, with weight h (eq. 21)."""
+    """Samples of the contour at each slice, with weight h (eq. 21) and X_i from eq. 22."""
+    return sample_contour(rest, point, radii(point.thickness, rest.r0, rest.slices))
+
+
+def sample_contour(rest: Rest, point: Point, X: Array) -> Samples:
+    """The same for radii X (n,) of their own, whether or not they keep the volume."""
     n = rest.slices
-    X = radii(point.thickness, rest.r0, n)
     zero = jnp.zeros((1,), X.dtype)
     return Samples(
         stretch=point.thickness / rest.thickness,

@@ -1,0 +1,142 @@
+"""Solution: an answer with its status and its certificate."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+
+import numpy as np
+
+from jaxclay._host import pytree
+from jaxclay.certificate import Certificate, Forces
+from jaxclay.clay import Array, Clay
+from jaxclay.energy import Terms
+from jaxclay.problem import Problem
+from jaxclay.resolution import resolvable_slices
+from jaxclay.schemes.paper import Point
+from jaxclay.scm import RoughShape
+
+
+class Status(enum.IntEnum):
+    """How a solve ended."""
+
+    CONVERGED = 0
+    STALLED = 1
+    ITERATION_LIMIT = 2
+    NON_FINITE = 3
+    INFEASIBLE = 4
+    UNRESOLVED = 5
+
+    def __str__(self) -> str:
+        return self.name.lower().replace("_", " ").replace("non finite", "non-finite")
+
+
+_MEANING = {
+    Status.CONVERGED: "the certificate accepts the answer as a local minimum",
+    Status.STALLED: "the method stopped by its own rule at a point that the certificate refuses; "
+    "another method, a finer step or a tighter tolerance may go on from it",
+    Status.ITERATION_LIMIT: "the iteration limit came first; raise max_iterations or start nearer",
+    Status.NON_FINITE: "the energy or the step became infinite or not a number; the last finite "
+    "shape is kept. Check the material's constants against the clay's size",
+    Status.UNRESOLVED: "so many slices that float64 cannot resolve the bending term: rounding "
+    "hides how softly the clay gives way",
+    Status.INFEASIBLE: "no shape obeys the thickness floor: the held end leaves too little room. "
+    "Lower top, lower material.floor or let the upper end free",
+}
+
+
+@pytree
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solution:
+    """An answer with its certificate.
+
+    Attributes
+    ----------
+    clay : Clay
+        The shape, ready for the next squash.
+    point : Point
+        The same over l, as solvers hold it.
+    energy, terms : float, Terms
+        E_total and its four terms (eq. 9).
+    iterations : int
+        Newton or L-BFGS iterations, greedy's sweeps; on the last grid.
+    levels : (g,) int array
+        Iterations on the coarser grids that were solved first, coarse to fine.
+    certificate : Certificate
+        The judge's findings; ``certificate.energy_free`` is E_free.
+    forces : Forces
+        The method's multipliers, from which a squash close by can start.
+    rough : RoughShape
+        What the sliced cylinder model says of the squash.
+    problem : Problem
+    method : str
+    status_code : int
+        See :attr:`status`.
+    error_estimate : None
+        Not known on the paper's scheme.
+    """
+
+    clay: Clay
+    point: Point
+    energy: Array
+    terms: Terms
+    iterations: Array
+    levels: Array
+    certificate: Certificate
+    forces: Forces
+    rough: RoughShape
+    problem: Problem
+    status_code: Array
+    error_estimate: Array | None
+    method: str = dataclasses.field(metadata={"static": True})
+
+    @property
+    def heights(self) -> Array:
+        """(n+1,) Y_i, in the clay's length unit."""
+        return self.clay.heights
+
+    @property
+    def unknowns(self) -> Array:
+        """How many heights were free."""
+        return self.problem.unknowns
+
+    @property
+    def status(self) -> Status:
+        """How the solve ended; CONVERGED only where the certificate accepts."""
+        return Status(int(self.status_code))
+
+    @property
+    def message(self) -> str:
+        """The status, what it means and what to do."""
+        text = f"{self.method}: {self.status}: {_MEANING[self.status]}"
+        if self.status is Status.UNRESOLVED:
+            most = resolvable_slices(self.problem)
+            return f"{text}. Use at most {most} slices for this clay and material"
+        if self.status is Status.INFEASIBLE:
+            return f"{text}. {self._lack_of_room()}"
+        return text
+
+    def _lack_of_room(self) -> str:
+        problem, unit = self.problem, float(self.clay.unit)
+        nodes = np.arange(problem.slices + 1) / problem.slices
+        upper = np.interp(problem.band.upper, nodes, problem.rest.heights)
+        least = float(problem.material.floor) * float(problem.rest.heights[-1] - upper) * unit
+        room = float(problem.rest.heights[-1] - problem.tool.top) * unit
+        return f"Above top are {room:.6g}, and the clay there needs {least:.6g} at least"
+
+    def raise_for_status(self) -> Solution:
+        """The solution itself if it converged.
+
+        Raises
+        ------
+        RuntimeError
+            If it did not; the message names cause and cure.
+        """
+        if self.status is not Status.CONVERGED:
+            raise RuntimeError(self.message)
+        return self
+
+    def _repr_html_(self) -> str:
+        from jaxclay._html import solution_html
+
+        return solution_html(self)
