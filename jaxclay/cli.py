@@ -76,21 +76,30 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_compare(commands) -> None:
+    from jaxclay.compare.peers import PEERS
+    from jaxclay.compare.plan import DEFAULT_METHODS
+
+    others = [name for name in jaxclay.METHODS if name not in DEFAULT_METHODS]
     compare = commands.add_parser(
         "compare",
         help="methods side by side on many scenes: table, charts, report",
-        description="Run scenes x methods x slices, print one table, and write results.parquet, "
-        "report.html and PNG charts.",
+        description="Run scenes x methods x slices; print a table; write results, report, charts.",
     )
     compare.add_argument("--out", type=Path, default=Path("out/compare"), help="output folder")
     compare.add_argument("--scenes", nargs="+", metavar="NAME", help="only these scenes")
-    compare.add_argument("--methods", nargs="+", metavar="NAME", help="only these methods")
+    compare.add_argument(
+        "--methods", nargs="+", metavar="NAME",
+        help=f"only these methods (default {', '.join(DEFAULT_METHODS)}; also {', '.join(others)})",
+    )  # fmt: skip
+    compare.add_argument(
+        "--peers", nargs="*", metavar="NAME",
+        help="established solvers from outside as well, and E_move alone: those named, or all of "
+        f"{', '.join(PEERS)} (pip install 'jaxclay[peers]')",
+    )  # fmt: skip
     compare.add_argument(
         "--slices", nargs="+", type=int, metavar="N", help="grids of the table (default 64 128)"
     )
-    compare.add_argument(
-        "--profiles", type=Path, metavar="FOLDER", help="add every CSV profile in FOLDER"
-    )
+    compare.add_argument("--profiles", type=Path, metavar="FOLDER", help="add every CSV in FOLDER")
     compare.add_argument("--quick", action="store_true", help="few scenes, 64 slices, few repeats")
     _add_minimum_radius(compare)
     compare.set_defaults(run=_compare)
@@ -107,6 +116,7 @@ def _compare(options: argparse.Namespace) -> int:
         profiles=options.profiles,
         quick=options.quick,
         minimum_radius=options.minimum_radius,
+        peers=options.peers,
         interrupt=check_interrupt,
     )
 

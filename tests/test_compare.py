@@ -7,7 +7,9 @@ import pytest
 
 import jaxclay
 from jaxclay.cli import main
-from jaxclay.compare.command import compare
+from jaxclay.compare.command import compare, make_plan
+from jaxclay.compare.plan import DEFAULT_METHODS
+from jaxclay.compare.runner import LADDERS
 from jaxclay.compare.scenes import NAMED, folder_scenes, packaged_scenes, profile_scene
 
 pd = pytest.importorskip("pandas")
@@ -128,6 +130,7 @@ def test_bad_requests_are_refused_with_2(tmp_path, capfd):
     requests = {
         ("--scenes", "moon"): "moon.*reference",
         ("--methods", "magic"): "magic.*newton",
+        ("--peers", "magic"): "magic.*ipopt",
         ("--slices", "4"): "between 8 and 1024, got 4",
         ("--profiles", str(tmp_path)): "no CSV",
     }
@@ -136,6 +139,19 @@ def test_bad_requests_are_refused_with_2(tmp_path, capfd):
         assert main(["compare", "--out", str(out), *arguments]) == 2
         assert re.search(message, capfd.readouterr().err)
         assert not out.exists()
+
+
+def test_every_method_can_be_asked_for_and_has_a_ladder():
+    assert set(LADDERS) == set(jaxclay.METHODS)
+    assert make_plan(None, None, None, None, False).methods == list(DEFAULT_METHODS)
+    everything = list(jaxclay.METHODS)
+    assert make_plan(None, everything, None, None, False).methods == everything
+
+
+def test_e_move_joins_the_named_scenes_only_where_peers_run():
+    without, joined = (make_plan(None, None, None, None, False, peers=p) for p in (None, ["piqp"]))
+    assert {scene.name for scene in joined.scenes if "move" in scene.units} == set(NAMED)
+    assert not any("move" in scene.units for scene in without.scenes)
 
 
 def test_a_bad_line_in_a_folder_is_named(tmp_path):

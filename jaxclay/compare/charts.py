@@ -10,15 +10,18 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxclay.compare.peers import PEERS
 from jaxclay.compare.results import records, select
 from jaxclay.compare.runner import Overlay
+from jaxclay.methods import METHODS
 from jaxclay.plots import COLOURS, contour
 
 _ROUNDING = 1e-16  # gaps below it are drawn there
-_MARKERS = "osD^vP*X"
+_MARKERS = "osD^vP*Xph<>d"
 _UNITS = {
     "snake": "snake units (raw differences at 64 slices)",
     "printed": "as printed (alpha = beta = 1, eq. 21)",
+    "move": "E_move alone (alpha = beta = 0)",
 }
 
 
@@ -73,26 +76,36 @@ def _panels(rows: pd.DataFrame, scene: str, draw) -> Figure:
         grid = f"{slices[0]} slices" if len(slices) == 1 else f"{slices[0]} to {slices[-1]} slices"
         ax.set_title(f"{scene}, {grid}\n{_UNITS[name]}", fontsize=10)
         ax.grid(True, which="major", alpha=0.3)
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize="small")
+    lines = {line.get_label(): line for ax in axes[0] for line in ax.get_legend_handles_labels()[0]}
+    figure.legend(
+        list(lines.values()), list(lines), loc="outside lower center", ncols=6, fontsize="small"
+    )
     return figure
 
 
 def _lines(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, dict]]:
-    for j, method in enumerate(dict.fromkeys(rows.method)):
-        style = {"color": COLOURS[j % 8], "marker": _MARKERS[j % 8], "label": method}
-        yield (
-            method,
-            select(rows, rows.method == method),
-            style | {"markersize": 5, "linewidth": 1.3},
-        )
+    for method in dict.fromkeys(rows.method):
+        yield method, select(rows, rows.method == method), _style(method)
+
+
+def _style(method: str) -> dict:
+    """Every method has its colour and marker in all charts; peers are dashed and hollow."""
+    style = {"label": method, "markersize": 5, "linewidth": 1.3}
+    if method in PEERS:
+        j = list(PEERS).index(method)
+        dashed = {"linestyle": "--", "markerfacecolor": "white"}
+        return style | dashed | {"color": COLOURS[6 - j], "marker": _MARKERS[7 - j]}
+    j = list(METHODS).index(method)
+    line = "-" if j < len(COLOURS) else "-."
+    return style | {"linestyle": line, "color": COLOURS[j % 8], "marker": _MARKERS[j]}
 
 
 def gap_panel(ax: Axes, rows: pd.DataFrame) -> None:
     """Relative energy gap against solve time, a line for each method."""
     for _, line, style in _lines(rows):
         line = line.sort_values("value", ascending=False)  # from loose to tight
-        ax.plot(line.solve_s * 1e3, np.maximum(line.gap_relative, _ROUNDING), **style)
+        # What breaks a constraint may lie below the minimum: that is an error too.
+        ax.plot(line.solve_s * 1e3, np.maximum(abs(line.gap_relative), _ROUNDING), **style)
     first = rows.iloc[0]
     start = (first.energy_start - first.energy_minimum) / first.energy_free
     if np.isfinite(start):

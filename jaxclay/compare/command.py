@@ -18,8 +18,10 @@ except ImportError as error:
         f"jaxclay compare needs {error.name}: pip install 'jaxclay[compare]'", name=error.name
     ) from error
 
-from jaxclay.compare.runner import Overlay, Plan, Row, run
-from jaxclay.compare.scenes import Scene, folder_scenes, packaged_scenes
+from jaxclay.compare.peers import PEERS, checked
+from jaxclay.compare.plan import DEFAULT_METHODS, Plan
+from jaxclay.compare.runner import Overlay, Row, run
+from jaxclay.compare.scenes import NAMED, Scene, folder_scenes, packaged_scenes, with_move
 from jaxclay.methods import METHODS
 
 _QUICK_SCENES = ("reference", "fig6", "teapot", "amphora")
@@ -34,18 +36,22 @@ def compare(
     profiles: Path | None = None,
     quick: bool = False,
     minimum_radius: float | None = None,
+    peers: list[str] | None = None,
     interrupt: Callable[[], None] = lambda: None,
 ) -> int:
     """Run the comparison; 0, or 130 if it was interrupted and only a part was written.
 
     ``interrupt`` is called between solves and may raise KeyboardInterrupt.
+    ``peers`` names solvers from outside that run too; an empty list is all of them.
 
     Raises
     ------
     ValueError
-        An unknown scene or method, too few or too many slices, no CSV in the folder.
+        An unknown scene, method or peer, too few or too many slices, no CSV in the folder.
+    ImportError
+        A peer's library is missing.
     """
-    plan = make_plan(scenes, methods, slices, profiles, quick, minimum_radius)
+    plan = make_plan(scenes, methods, slices, profiles, quick, minimum_radius, peers)
     out.mkdir(parents=True, exist_ok=True)
     tempfile.TemporaryFile(dir=out).close()  # a folder that refuses should do so now
     rows: list[Row] = []
@@ -79,17 +85,26 @@ def make_plan(
     profiles: Path | None,
     quick: bool,
     minimum_radius: float | None = None,
+    peers: list[str] | None = None,
 ) -> Plan:
-    """The default plan, narrowed or widened as asked."""
+    """The default plan, narrowed or widened as asked.
+
+    With peers the named scenes are run as E_move alone too, for those that take nothing else.
+    """
     known = packaged_scenes()
     added = folder_scenes(profiles, minimum_radius) if profiles else {}
     chosen = _choose("scene", scenes, known | added)
     if scenes is None and quick:
         chosen = [known[name] for name in _QUICK_SCENES] + list(added.values())
-    names = methods or list(METHODS)
+    names = methods or list(DEFAULT_METHODS)
     for name in names:
         if name not in METHODS:
             raise ValueError(f"unknown method {name!r}: choose from {', '.join(METHODS)}")
+    outside = list(PEERS) if peers == [] else peers or []
+    for name in outside:
+        checked(name)  # imports it too, before threads are limited
+    if outside:
+        chosen = [with_move(scene) if scene.name in NAMED else scene for scene in chosen]
     grids = slices or ([64] if quick else [64, 128])
     for n in grids:
         if not 8 <= n <= _MOST_SLICES:
@@ -101,6 +116,7 @@ def make_plan(
     return Plan(
         scenes=chosen,
         methods=names,
+        peers=outside,
         slices=sorted(set(grids)),
         grids=[32, 64, 128] if quick else [32, 64, 128, 256],
         finest=256 if quick else 512,
@@ -125,7 +141,7 @@ def _run(plan: Plan, rows: list[Row], overlays: list[Overlay], interrupt) -> Non
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task("", total=len(plan.jobs()) * len(plan.methods))
+        task = progress.add_task("", total=len(plan.jobs()) * len(plan.contestants))
 
         def tick(what: str) -> None:
             interrupt()

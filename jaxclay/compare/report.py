@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from jaxclay.compare import results
 from jaxclay.compare.charts import charts
+from jaxclay.compare.peers import PEERS
 from jaxclay.compare.runner import Overlay
 from jaxclay.profiles import replacing
 
@@ -23,7 +24,8 @@ height: auto }
 table { border-collapse: collapse; font-size: 13px } th, td { padding: .15rem .6rem;
 text-align: right } th { position: sticky; top: 0; background: #fff; border-bottom: 1px solid #888 }
 td.l, th.l { text-align: left } tr.first td { border-top: 1px solid #ccc }
-.converged { color: #00614a } .stalled, .iteration { color: #8a3a00 } .wide { overflow-x: auto }
+.converged { color: #00614a } .stalled, .iteration, .below { color: #8a3a00 }
+.wide { overflow-x: auto }
 """
 
 
@@ -53,7 +55,7 @@ def _svg(figure: Figure) -> str:
 def _page(table: pd.DataFrame, figures: list[str]) -> str:
     ran = "".join(
         f"<tr><td class=l>{escape(name)}</td><td class=l>{escape(str(value))}</td></tr>"
-        for name, value in results.versions().items()
+        for name, value in results.versions(table.method.unique()).items()
     )
     left_out = "".join(f"<li>{escape(line)}</li>" for line in results.skipped(table))
     return (
@@ -61,7 +63,8 @@ def _page(table: pd.DataFrame, figures: list[str]) -> str:
         "<meta name=viewport content='width=device-width, initial-scale=1'>"
         f"<style>{_STYLE}</style><h1>jaxclay compare</h1>"
         f"<p>{_summary(table)}</p>{''.join(figures)}"
-        f"<h2>Every answer</h2>{_explanation()}<div class=wide>{_table(table)}</div>"
+        f"<h2>Every answer</h2>{_explanation()}{_peers(table)}"
+        f"<div class=wide>{_table(table)}</div>"
         + (f"<h2>Skipped</h2><ul>{left_out}</ul>" if left_out else "")
         + f"<h2>What ran</h2><table>{ran}</table></html>"
     )
@@ -86,6 +89,21 @@ def _explanation() -> str:
         "median of repeats; compiling is timed apart, at the method's first call on a grid. In the "
         "column 1993 stands the time that the paper gives for one greedy deformation of 64 points, "
         "display included, on the workstation of its day.</p>"
+    )
+
+
+def _peers(table: pd.DataFrame) -> str:
+    """What the solvers from outside are, if there are any."""
+    names = [name for name in PEERS if (table.method == name).any()]
+    if not names:
+        return ""
+    listed = "".join(f"<li><b>{name}</b>: {escape(PEERS[name].summary)}</li>" for name in names)
+    return (
+        "<p>Peers are established solvers from outside, dashed in the charts. They start at the "
+        "rough shape like the methods, and their answers are judged as they stand: below floor is "
+        "one that breaks the thickness floor. Building a solver counts as compiling, and a solve "
+        "that has not ended after 2 seconds as one at its iteration limit.</p>"
+        f"<ul>{listed}</ul>"
     )
 
 

@@ -14,14 +14,17 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxclay
+from jaxclay.compare.peers import PEERS
 from jaxclay.profiles import replacing
 
+_ROUNDING = 1e-12  # over the thickness at rest, what the certificate lets pass
 _PACKAGES = ("jax", "jaxlib", "jaxopt", "optax", "numpy")
 
 
-def versions() -> dict[str, str]:
-    """Versions and machine, one column each."""
-    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
+def versions(ran: Iterable[str]) -> dict[str, str]:
+    """Versions and machine, one column each; ``ran`` names the methods and peers."""
+    used = [package for name in ran if name in PEERS for package in PEERS[name].packages]
+    packages = {name: importlib.metadata.version(name) for name in (*_PACKAGES, *sorted(used))}
     return {
         "jaxclay": jaxclay.__version__,
         **packages,
@@ -35,7 +38,7 @@ def versions() -> dict[str, str]:
 
 def frame(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """The rows as a table, with the versions of what ran in every row."""
-    return pd.DataFrame(rows).assign(**versions())
+    return pd.DataFrame(rows).assign(**versions({row["method"] for row in rows}))
 
 
 def save(table: pd.DataFrame, folder: Path) -> Path:
@@ -47,8 +50,9 @@ def save(table: pd.DataFrame, folder: Path) -> Path:
 
 
 def answers(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows that the printed table shows: each method's default settings."""
-    return select(table, table.experiment == "answer")
+    """The rows that the printed table shows: default settings, of what takes the scene."""
+    refused = table.method.isin(list(PEERS)) & (table.status == "skipped")
+    return select(table, (table.experiment == "answer") & ~refused)
 
 
 def select(table: pd.DataFrame, mask: Any) -> pd.DataFrame:
@@ -100,7 +104,7 @@ def cells(row: Any) -> tuple[str, ...]:
     paper = "0.3 s" if row.paper_1993_s == row.paper_1993_s else ""
     return (
         row.method,
-        row.status,
+        "below floor" if row.slack < -_ROUNDING else row.status,
         number(row.gap_relative, ".1e", "not certified"),
         number(row.contour_error, ".1e", ""),
         f"{row.compile_s:.2f}",
@@ -116,7 +120,13 @@ def number(value: float, spec: str, otherwise: str) -> str:
 
 
 def skipped(table: pd.DataFrame) -> list[str]:
-    """What was skipped and why, once a scene and grid."""
+    """What was skipped and why: scenes once a grid, and what a peer refused once."""
     rows = select(table, table.status == "skipped")
-    rows = rows.drop_duplicates(subset=["scene", "units", "slices"])
-    return [f"{r.scene} ({r.units}, {r.slices} slices): {r.reason}" for r in records(rows)]
+    whole = select(rows, ~rows.method.isin(list(PEERS)))
+    whole = whole.drop_duplicates(subset=["scene", "units", "slices"])
+    refused = select(rows, rows.method.isin(list(PEERS)) & ~rows.reason.isin(whole.reason))
+    counts = refused.groupby("method", sort=False).reason.agg(["first", "size"])
+    return [
+        *(f"{r.scene} ({r.units}, {r.slices} slices): {r.reason}" for r in records(whole)),
+        *(f"{r.Index} on {r.size} scenes and grids: it {r.first}" for r in records(counts)),
+    ]

@@ -16,9 +16,12 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from jaxclay.clay import Clay
 from jaxclay.compare.clock import Clock
-from jaxclay.compare.scenes import Scene
+from jaxclay.compare.peers import PEERS, refusal
+from jaxclay.compare.plan import Job, Plan
 from jaxclay.contour import contour_error
 from jaxclay.minimize import Solution, minimize
 from jaxclay.problem import total_energy
@@ -28,64 +31,16 @@ LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
     "lbfgs": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
     "lbfgs-preconditioned": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
     "optax-lbfgs": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "lbfgsb": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)),
+    "projected-gradient": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)),
+    "augmented-lagrangian": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
+    "adam": ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)),
     "greedy": ("step", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)),
     "greedy-refined": ("smallest_step", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)),
+    "lattice": ("smallest_spacing", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
 }
+PEER_LADDER = ("tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12))
 STOPS = (1, 2, 4, 8, 16, 64, 256, 1024, 8192)
-
-
-@dataclasses.dataclass(frozen=True)
-class Plan:
-    """What to run.
-
-    Attributes
-    ----------
-    scenes : list of Scene
-    methods : list of names from METHODS
-    slices : list of int, the table's grids
-    grids : list of int
-        Grids of the contour-error chart, for the scenes in ``on_grids``.
-    finest : int
-        The grid whose certified minimum contour errors are measured from.
-    on_grids, on_ladders : sets of scene names
-    repeats : int
-        Timed runs of each answer, more of short ones, two of long ones; the median counts.
-    """
-
-    scenes: list[Scene]
-    methods: list[str]
-    slices: list[int]
-    grids: list[int]
-    finest: int
-    on_grids: frozenset[str]
-    on_ladders: frozenset[str]
-    repeats: int = 5
-
-    def jobs(self) -> list[Job]:
-        """Every scene, units and grid that is run, coarse grids first."""
-        jobs = []
-        for scene in self.scenes:
-            slices = set(self.slices)
-            if scene.name in self.on_grids:
-                slices |= set(self.grids)
-            usable = sorted(n for n in slices if n >= scene.fewest_slices) or [scene.fewest_slices]
-            for units in scene.units:
-                first = next((n for n in usable if n in self.slices), usable[0])
-                for n in usable:
-                    kind = "answer" if n in self.slices or n == first else "grid"
-                    jobs.append(Job(scene, units, n, kind, n == first))
-        return jobs
-
-
-@dataclasses.dataclass(frozen=True)
-class Job:
-    """One scene in one of the units on one grid; ladders and overlays show the table's first."""
-
-    scene: Scene
-    units: str
-    slices: int
-    experiment: str
-    shown: bool
 
 
 @dataclasses.dataclass
@@ -116,20 +71,21 @@ def run(
 def _run_job(plan, job, clock, finest, tick):
     scene, units, n = job.scene, job.units, job.slices
     tick(f"{scene.name} {units} {n}")
-    clock.warm_up(plan.methods, n)
+    clock.warm_up(plan.contestants, n)
     try:
         problem = scene.problems(units, n)[-1]
     except (ValueError, RuntimeError) as error:
-        for method in plan.methods:
-            yield (
-                _row(job, method, job.experiment) | {"status": "skipped", "reason": str(error)},
-                None,
-            )
+        for method in plan.contestants:
+            yield _skipped(job, method, str(error)), None
         return
     reference = minimize(problem)
     target = _finest(plan, job, finest)
     answers: dict[str, Clay] = {}
-    for method in plan.methods:
+    for method in plan.contestants:
+        reason = refusal(method, problem) if method in PEERS else ""
+        if reason:
+            yield _skipped(job, method, reason), None
+            continue
         tick(f"{scene.name} {units} {n} {method}")
         row, answer = _answer(job, method, job.experiment, problem, reference, clock)
         row["contour_error_finest"] = _distance(answer.clay, target)
@@ -144,7 +100,7 @@ def _run_job(plan, job, clock, finest, tick):
 
 
 def _ladders(job, method, problem, reference, clock):
-    setting, values = LADDERS[method]
+    setting, values = PEER_LADDER if method in PEERS else LADDERS[method]
     for value in values:
         row, _ = _answer(job, method, "ladder", problem, reference, clock, {setting: value})
         yield row, None
@@ -200,6 +156,7 @@ def _answer(
         "step": float(answer.certificate.step),
         "residual": float(answer.certificate.residual),
         "positive": bool(answer.certificate.positive),
+        "slack": _slack(answer),
         "visits_per_second": _visits(method, answer, timing["solve_s"]),
         "paper_1993_s": 0.3 if method == "greedy" and job.slices == 64 else float("nan"),
     }
@@ -214,6 +171,17 @@ def _row(job: Job, method: str, experiment: str) -> Row:
         "slices": job.slices,
         "method": method,
     }
+
+
+def _skipped(job: Job, method: str, reason: str) -> Row:
+    return _row(job, method, job.experiment) | {"status": "skipped", "reason": reason}
+
+
+def _slack(answer: Solution) -> float:
+    """Least thickness above the floor of a loose slice, over its thickness at rest."""
+    problem = answer.problem
+    stretch = np.asarray(answer.clay.thickness) / np.asarray(problem.clay.thickness)
+    return float((stretch - problem.material.floor)[problem.loose].min(initial=np.inf))
 
 
 def _visits(method: str, answer: Solution, seconds: float) -> float:

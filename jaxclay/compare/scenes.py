@@ -37,7 +37,7 @@ class Scene:
     k, mu : float
         Of the material; alpha = beta = 1 in the units asked for.
     units : tuple
-        Which of "snake" and "printed" it is run in.
+        Which of "snake", "printed" and "move" (E_move alone, alpha = beta = 0) it is run in.
     fewest_slices : int
         Below it a band holds too few nodes.
     """
@@ -51,7 +51,9 @@ class Scene:
     fewest_slices: int = 3
 
     def material(self, units: str) -> Material:
-        """alpha = beta = 1 as printed (eq. 21), or in snake units of 64 slices."""
+        """alpha = beta = 1 as printed (eq. 21) or in snake units of 64 slices, or 0."""
+        if units == "move":
+            return Material(self.k, self.mu, 0.0, 0.0)
         if units == "printed":
             return Material(self.k, self.mu)
         return Material.from_snake_units(self.k, self.mu, slices=SNAKE_SLICES)
@@ -107,6 +109,11 @@ def packaged_scenes() -> dict[str, Scene]:
     """The named scenes and one squash, at mid-height, of each packaged profile."""
     profiles = {name: profile_scene(name, name, "middle") for name in PROFILES}
     return NAMED | profiles
+
+
+def with_move(scene: Scene) -> Scene:
+    """The scene, run also without tension and bending, as a convex solver can take it."""
+    return dataclasses.replace(scene, units=(*scene.units, "move"))
 
 
 def folder_scenes(folder: str | Path, minimum_radius: float | None = None) -> dict[str, Scene]:
