@@ -19,11 +19,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay import banded, local
+from jaxclay import local
 from jaxclay._host import pytree
-from jaxclay.banded import Model
 from jaxclay.clay import Array
-from jaxclay.local import Stiffness
+from jaxclay.curvature import Factors, factors_at
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -32,7 +31,6 @@ SMALL = 1e-3
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-_SPRING = 1e4  # over the Hessian's largest entry
 _SPRING_ROUNDS = 4
 _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
 
@@ -70,7 +68,8 @@ class Certificate:
         max |r_i| / (h (mu + k)).  Shown, never a gate: at exact minima on fine
         grids it is rounding noise.
     positive : bool
-        Whether the Hessian is positive definite on the nodes that can move.
+        Whether the Hessian is positive definite on the moves that are possible: if it
+        must be, without the nodes that rest and without thinning what the floor pushes on.
     admissible : bool
         Whether heights increase, thicknesses obey the floor and agree with the
         heights, and the fixed nodes are where the tool wants them.
@@ -103,12 +102,13 @@ def slack(problem: Problem, point: Point) -> Array:
 def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
     """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
     model = local.smooth_model(problem, point)
-    friction = friction_limit(problem) * jnp.abs(point.shift)
-    energy_free = model.value + jnp.sum(friction)
-    factors = _factors(problem, point, model)
+    energy_free = model.value + jnp.sum(friction_limit(problem) * jnp.abs(point.shift))
+    limit, tight = friction_limit(problem), touches_floor(problem, point)
+    rests = problem.free & (point.shift == 0) & (jnp.abs(model.gradient) < limit)
+    factors = factors_at(problem, point, model, rests, tight)
     gate = DECREMENT * jnp.maximum(energy_free, SMALL)
     best = _best_forces(problem, point, model.gradient, factors, forces, gate)
-    positive, admissible = factors.plain.positive, _admissible(problem, point)
+    positive, admissible = factors.positive, _admissible(problem, point)
     return Certificate(
         accepted=best.passes(gate) & positive & admissible,
         decrement=jnp.where(positive, best.decrement, jnp.inf),
@@ -133,52 +133,6 @@ class _Verdict(NamedTuple):
         return (self.decrement <= gate) & (self.step <= STEP)
 
 
-class _Factors(NamedTuple):
-    """Factors of the Hessian.
-
-    ``plain`` is H's; where H is indefinite, without the nodes that rest, which
-    ``dropped`` marks.  ``sprung`` is the same with stiff springs that hold the
-    slices at the floor, of strength ``springs``; it is there only if any is.
-    """
-
-    plain: Stiffness
-    dropped: Array
-    sprung: Stiffness
-    springs: Array
-
-
-def _factors(problem: Problem, point: Point, model: Model) -> _Factors:
-    limit, tight = friction_limit(problem), touches_floor(problem, point)
-    rests = problem.free & (point.shift == 0) & (jnp.abs(model.gradient) < limit)
-    springs = jnp.where(tight, _SPRING * jnp.max(jnp.abs(model.bands[0])), 0.0)
-    whole, without_rests, with_springs, done = range(4)
-
-    def factor(dropped: Array, between: Array) -> Stiffness:
-        kept = dataclasses.replace(problem, fixed=problem.fixed | dropped)
-        bands = banded.masked(model.bands, kept.free)
-        return local.stiffness(kept, point, bands, between, jnp.zeros_like(limit))
-
-    def body(carry):
-        turn, factors = carry
-        sprung = turn == with_springs
-        dropped = jnp.where(turn == without_rests, rests, factors.dropped)
-        new = factor(dropped, jnp.where(sprung, springs, 0.0))
-        plain, held = (
-            jax.tree.map(lambda a, b, use=use: jnp.where(use, a, b), new, old)
-            for use, old in ((~sprung, factors.plain), (sprung, factors.sprung))
-        )
-        indefinite = (turn == whole) & ~plain.positive & jnp.any(rests)
-        after = jnp.where(~sprung & jnp.any(tight), with_springs, done)
-        turn = jnp.where(indefinite, without_rests, after)
-        return turn, _Factors(plain, dropped, held, springs)
-
-    # A loop, so that factoring is compiled once.
-    shapes = jax.eval_shape(factor, rests, springs)
-    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-    first = _Factors(nothing, jnp.zeros_like(rests), nothing, springs)
-    return jax.lax.while_loop(lambda carry: carry[0] != done, body, (jnp.asarray(whole), first))[1]
-
-
 def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
     """The first pair of forces that passes, else the one with the least decrement.
 
@@ -201,10 +155,12 @@ def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
             lambda: jnp.where(i > 0, 0.0, jnp.maximum(forces.floor, 0.0)),
         )
         r = jnp.where(keeps, g + friction - local.to_nodes(floor), 0.0)
-        newton = jnp.where(keeps, local.relaxed(factors.plain, r), 0.0)
+        newton = jnp.where(keeps, factors.relaxed(r), 0.0)
         decrement = r @ newton / 2 + jnp.sum(limit * jnp.abs(d) - friction * d)
         decrement += jnp.sum(floor * slack(problem, point))
-        decrement = jnp.where(jnp.isnan(decrement), jnp.inf, decrement)
+        # Springs may stand in for the floor only where it pushes.
+        honest = factors.plain.positive | jnp.all((floor > 0) | ~tight)
+        decrement = jnp.where(jnp.isnan(decrement) | ~honest, jnp.inf, decrement)
         pushes = jnp.sum((floor > 0) & tight)
         return _Verdict(decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), pushes)
 
@@ -223,7 +179,7 @@ def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
     return jax.lax.while_loop(go_on, body, (0, worst))[1]
 
 
-def _floor_forces(keeps: Array, tight: Array, factors: _Factors, force: Array) -> Array:
+def _floor_forces(keeps: Array, tight: Array, factors: Factors, force: Array) -> Array:
     """(n,) z >= 0 on the slices at the floor that balance a force (n+1,) best.
 
     Method of multipliers: the springs' forces are added up until the slices

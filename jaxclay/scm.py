@@ -123,10 +123,11 @@ def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
     from_bottom = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change_below)])
     from_top = rises - jnp.concatenate([jnp.cumsum(change_above[::-1])[::-1], jnp.zeros(1)])
     shift = jnp.where(problem.rest.nodes() <= band.lower, from_bottom, from_top)
-    point = Point(
-        jnp.where(problem.banded, problem.band_thickness, thickness),
-        jnp.where(problem.fixed, problem.shift, shift),
-    )
+    shift = jnp.where(problem.fixed, problem.shift, shift)
+    # A node that counts as on the band's edge may lie a hair beside it.
+    edge = problem.fixed[1:] != problem.fixed[:-1]
+    thickness = jnp.where(edge, problem.rest.thickness + jnp.diff(shift), thickness)
+    point = Point(jnp.where(problem.banded, problem.band_thickness, thickness), shift)
     return point, (push_below, push_above)
 
 
