@@ -82,3 +82,10 @@ def integrate(samples: Samples, material: Material) -> Terms:
         tension=jnp.sum(w * tension_density(s.X_u, s.Y_u, m.alpha)),
         bending=jnp.sum(w * bending_density(s.X_uu, s.Y_uu, m.beta)),
     )
+
+
+def integrate_smooth(samples: Samples, material: Material) -> Array:
+    """E_total without friction, in one sum."""
+    s, m = samples, material
+    density = strain_density(s.stretch, m.k) + tension_density(s.X_u, s.Y_u, m.alpha)
+    return jnp.sum(s.weight * (density + bending_density(s.X_uu, s.Y_uu, m.beta)))

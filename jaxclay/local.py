@@ -14,17 +14,18 @@ import jax.numpy as jnp
 from jaxclay import banded
 from jaxclay.banded import Factor, Model
 from jaxclay.clay import Array
-from jaxclay.energy import integrate
+from jaxclay.energy import integrate_smooth
 from jaxclay.problem import Problem
 from jaxclay.schemes import paper
 from jaxclay.schemes.paper import Point
 
 HALF_BANDWIDTH = 3  # bending couples Y_{i-1} .. Y_{i+2}
+_DIAGONAL = ((0, HALF_BANDWIDTH), (0, 0))  # pads a diagonal to bands
 
 
 def smooth_energy(problem: Problem, point: Point, step: Array) -> Array:
     """Strain, tension and bending after every node has moved by ``step``, without the fixed."""
-    return problem.free_terms(point.moved(step)).smooth
+    return problem.free_smooth(point.moved(step))
 
 
 def gradient(problem: Problem, point: Point) -> Array:
@@ -55,7 +56,7 @@ def radius_curvature(problem: Problem, point: Point) -> Array:
 
     def energy(X):
         samples = paper.sample_contour(problem.rest, point, X)
-        return integrate(paper.sample_free(samples, problem.free), problem.material).smooth
+        return integrate_smooth(paper.sample_free(samples, problem.free), problem.material)
 
     def radius(t):
         return paper.radii(t, problem.rest.r0, problem.slices)
@@ -67,10 +68,9 @@ def radius_curvature(problem: Problem, point: Point) -> Array:
 def between_nodes(weights: Array, free: Array) -> Array:
     """D^T diag(weights) D for D = diff on the free nodes, in bands: a quadratic of thicknesses."""
     diagonal = jnp.pad(weights, (0, 1)) + jnp.pad(weights, (1, 0))
-    none = jnp.zeros((HALF_BANDWIDTH - 1, diagonal.shape[0]))
-    coupling = jnp.where(free[1:] & free[:-1], -weights, 0.0)
-    bands = [jnp.where(free, diagonal, 0.0)[None], jnp.pad(coupling, (0, 1))[None], none]
-    return jnp.concatenate(bands)
+    coupling = jnp.pad(jnp.where(free[1:] & free[:-1], -weights, 0.0), (0, 1))
+    bands = jnp.stack([jnp.where(free, diagonal, 0.0), coupling])
+    return jnp.pad(bands, ((0, HALF_BANDWIDTH - 1), (0, 0)))
 
 
 def to_nodes(forces: Array) -> Array:
@@ -110,14 +110,14 @@ def stiffness(
     that comes from a Hessian-vector product.
     """
     bands = bands + between_nodes(between, problem.free)
-    bands = bands.at[0].add(jnp.where(problem.free, at_nodes, 0.0))
+    bands = bands + jnp.pad(jnp.where(problem.free, at_nodes, 0.0)[None], _DIAGONAL)
     loose_end = problem.free[-1]
-    held = problem.free.at[-1].set(False)
-    factor = banded.factorize(banded.masked(bands, held))
-    last = jnp.stack([bands[k, bands.shape[1] - 1 - k] for k in range(HALF_BANDWIDTH, 0, -1)])
-    coupling = jnp.zeros_like(bands[0]).at[-1 - HALF_BANDWIDTH : -1].set(last)
-    follow = banded.solve(factor, jnp.where(held & loose_end, -coupling, 0.0))
-    tip = follow.at[-1].set(jnp.where(loose_end, 1.0, 0.0))
+    end = jnp.arange(bands.shape[1]) == bands.shape[1] - 1
+    factor = banded.factorize(banded.masked(bands, problem.free & ~end))
+    last = jnp.stack([bands[k, -1 - k] for k in range(HALF_BANDWIDTH, 0, -1)])
+    coupling = jnp.pad(last, (bands.shape[1] - 1 - HALF_BANDWIDTH, 1))
+    follow = banded.solve(factor, jnp.where(problem.free & loose_end & ~end, -coupling, 0.0))
+    tip = jnp.where(end, jnp.where(loose_end, 1.0, 0.0), follow)
 
     def slope(step):
         return jax.grad(smooth_energy, argnums=2)(problem, point, step)
@@ -130,35 +130,6 @@ def stiffness(
 
 def relaxed(stiff: Stiffness, force: Array) -> Array:
     """H^-1 force, for force (n+1,)."""
-    held = banded.solve(stiff.factor, force.at[-1].set(0.0))
+    end = jnp.arange(force.shape[0]) == force.shape[0] - 1
+    held = banded.solve(stiff.factor, jnp.where(end, 0.0, force))
     return held + stiff.tip * (stiff.tip @ force / stiff.tip_stiffness)
-
-
-def hessian(problem: Problem, point: Point) -> Array:
-    """(n+1, n+1) Hessian H of the smooth energy, dense."""
-    H = jax.hessian(smooth_energy, argnums=2)(problem, point, jnp.zeros_like(point.shift))
-    return masked(H, problem.free)
-
-
-def gauss_newton(problem: Problem, point: Point) -> Array:
-    """(n+1, n+1) J^T J of the energy as a sum of squares: always positive definite."""
-
-    def residuals(step):
-        s = paper.sample(problem.rest, point.moved(step))
-        m = problem.material
-        weighted = [
-            jnp.sqrt(m.k) * (s.stretch - 1),
-            jnp.sqrt(2 * m.alpha) * s.X_u,
-            jnp.sqrt(2 * m.alpha) * s.Y_u,
-            jnp.sqrt(2 * m.beta) * s.X_uu,
-            jnp.sqrt(2 * m.beta) * s.Y_uu,
-        ]
-        return jnp.concatenate(weighted) * jnp.tile(jnp.sqrt(s.weight), len(weighted))
-
-    J = jax.jacfwd(residuals)(jnp.zeros_like(point.shift))
-    return masked(J.T @ J, problem.free)
-
-
-def masked(matrix: Array, free: Array) -> Array:
-    """The matrix on the free nodes, the identity elsewhere."""
-    return jnp.where(free[:, None] & free[None, :], matrix, jnp.eye(free.shape[0]))

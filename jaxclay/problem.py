@@ -16,7 +16,7 @@ import numpy as np
 from jaxclay._host import compiled, in_float64, is_concrete, is_transformed, pytree
 from jaxclay.band import Band, Rest, Tool, locate_band
 from jaxclay.clay import Array, Clay, Material, unchecked_clay
-from jaxclay.energy import Terms, integrate
+from jaxclay.energy import Samples, Terms, integrate, integrate_smooth
 from jaxclay.schemes import paper
 from jaxclay.schemes.paper import Point
 from jaxclay.squash import Squash, check_fits
@@ -115,8 +115,14 @@ class Problem:
 
     def free_terms(self, point: Point) -> Terms:
         """The same over the terms that touch a free node: their sum is E_free."""
-        samples = paper.sample_free(paper.sample(self.rest, point), self.free)
-        return integrate(samples, self.material)
+        return integrate(self._free_samples(point), self.material)
+
+    def free_smooth(self, point: Point) -> Array:
+        """E_free without friction: what solvers evaluate most."""
+        return integrate_smooth(self._free_samples(point), self.material)
+
+    def _free_samples(self, point: Point) -> Samples:
+        return paper.sample_free(paper.sample(self.rest, point), self.free)
 
 
 def pose(clay: Clay, squash: Squash, material: Material, scheme: str = "paper") -> Problem:

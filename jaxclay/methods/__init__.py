@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from jaxclay.methods import greedy, lbfgs, newton
+from jaxclay.methods import (
+    adam,
+    augmented_lagrangian,
+    greedy,
+    lattice,
+    lbfgs,
+    lbfgsb,
+    newton,
+    projected_gradient,
+)
 from jaxclay.methods.base import Method
 
 METHODS: dict[str, Method] = {
@@ -10,6 +19,11 @@ METHODS: dict[str, Method] = {
     "lbfgs": lbfgs.PLAIN,
     "lbfgs-preconditioned": lbfgs.PRECONDITIONED,
     "optax-lbfgs": lbfgs.OPTAX,
+    "lbfgsb": lbfgsb.METHOD,
+    "projected-gradient": projected_gradient.METHOD,
+    "augmented-lagrangian": augmented_lagrangian.METHOD,
+    "adam": adam.METHOD,
     "greedy": greedy.GREEDY,
     "greedy-refined": greedy.REFINED,
+    "lattice": lattice.METHOD,
 }

@@ -1,36 +1,44 @@
 """``lbfgs``, ``lbfgs-preconditioned`` and ``optax-lbfgs``: limited-memory quasi-Newton.
 
 The iterations are jaxopt's and optax's own (Liu and Nocedal 1989, zoom line
-search); stages, coordinates and stopping are in :mod:`jaxclay.methods.smoothed`.
+search); stages and stopping are in :mod:`jaxclay.methods.smoothed`.
 """
 
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import jax.numpy as jnp
 
-from jaxclay.methods.smoothed import Descent, method
+from jaxclay.methods.coordinates import heights, preconditioned
+from jaxclay.methods.smoothed import PLAIN_EPS, SCALED_EPS, Descent, method
 
 _MEMORY = 10
 
 
-def _jaxopt_lbfgs(fun):
+def import_jaxopt() -> Any:
+    """The module jaxopt, without its notice on import."""
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", message="JAXopt is no longer maintained", category=DeprecationWarning
         )
         import jaxopt
 
+    return jaxopt
+
+
+def _jaxopt_lbfgs(fun):
+    jaxopt = import_jaxopt()
     return jaxopt.LBFGS(fun, history_size=_MEMORY, tol=0.0, implicit_diff=False)
 
 
-def _jaxopt_init(fun, x):
-    return _jaxopt_lbfgs(fun).init_state(x)
+def _jaxopt_init(task, x):
+    return _jaxopt_lbfgs(task.energy).init_state(x)
 
 
-def _jaxopt_advance(fun, x, state):
-    new, state = _jaxopt_lbfgs(fun).update(x, state)
+def _jaxopt_advance(task, x, state):
+    new, state = _jaxopt_lbfgs(task.energy).update(x, state)
     return new, state, state.error, state.failed_linesearch | jnp.all(new == x)
 
 
@@ -40,25 +48,27 @@ def _optax_lbfgs():
     return optax.lbfgs(memory_size=_MEMORY)
 
 
-def _optax_init(fun, x):
+def _optax_init(task, x):
     return _optax_lbfgs().init(x)
 
 
-def _optax_advance(fun, x, state):
+def _optax_advance(task, x, state):
     import optax
 
-    value, gradient = optax.value_and_grad_from_state(fun)(x, state=state)
+    value, gradient = optax.value_and_grad_from_state(task.energy)(x, state=state)
     updates, state = _optax_lbfgs().update(
-        gradient, state, x, value=value, grad=gradient, value_fn=fun
+        gradient, state, x, value=value, grad=gradient, value_fn=task.energy
     )
     new = optax.apply_updates(x, updates)
     size = jnp.linalg.norm(optax.tree.get(state, "grad"))
     return new, state, size, jnp.all(new == x)
 
 
-_JAXOPT = Descent(_jaxopt_init, _jaxopt_advance)
+JAXOPT = Descent(_jaxopt_init, _jaxopt_advance)
 _OPTAX = Descent(_optax_init, _optax_advance)
 
-PLAIN = method(_JAXOPT, False, "jaxopt's L-BFGS in the heights as they are")
-PRECONDITIONED = method(_JAXOPT, True, "jaxopt's L-BFGS in coordinates of the start's Hessian")
-OPTAX = method(_OPTAX, False, "optax's L-BFGS in the heights as they are")
+PLAIN = method(JAXOPT, heights, PLAIN_EPS, "jaxopt's L-BFGS in the heights as they are")
+PRECONDITIONED = method(
+    JAXOPT, preconditioned, SCALED_EPS, "jaxopt's L-BFGS in coordinates of the start's Hessian"
+)
+OPTAX = method(_OPTAX, heights, PLAIN_EPS, "optax's L-BFGS in the heights as they are")

@@ -72,7 +72,7 @@ def resume(
     eps = jnp.where(near, _WARM_EPS, _FIRST_EPS)
     fitting = limit * point.shift / jnp.sqrt(point.shift**2 + eps**2)
     lam = jnp.where(near, jnp.clip(forces.friction, -limit, limit), fitting)
-    energy = jnp.maximum(problem.free_terms(point).total, 0.0)
+    energy = problem.free_smooth(point) + jnp.sum(limit * jnp.abs(point.shift))
     # A jump of radius makes the Hessian indefinite: Gauss and Newton's goes first.
     memory = _Memory(eps, jnp.where(near, _WARM_GAIN, 1.0) * energy, jnp.asarray(1))
     pushes = _barrier(problem, energy, memory) / _room(problem, point)
@@ -139,18 +139,17 @@ def _line_search(problem, point, value, delta, gain, eps, weight) -> Array:
     limit = friction_limit(problem)
 
     def merit(value: Array, shape: Point) -> Array:
-        room = _room(problem, shape)
-        safe = jnp.where(room > 0, room, 1.0)
-        barrier = weight * jnp.sum(jnp.where(problem.loose, jnp.log(safe), 0.0))
-        smoothed = jnp.sum(limit * jnp.sqrt(shape.shift**2 + eps**2))
-        return jnp.where(jnp.all(room > 0), value + smoothed - barrier, jnp.inf)
+        """Not a number below the floor, and so never lower."""
+        barrier = weight * jnp.where(problem.loose, jnp.log(_room(problem, shape)), 0.0)
+        smoothed = limit * jnp.sqrt(shape.shift**2 + eps**2)
+        return value + jnp.sum(smoothed[1:] - barrier)
 
     here = merit(value, point)
     rounding = 1e-13 * jnp.abs(here)
 
     def rejected(length):
         shape = point.moved(length * delta)
-        there = merit(problem.free_terms(shape).smooth, shape)
+        there = merit(problem.free_smooth(shape), shape)
         lowers = (there <= here - 2e-4 * length * gain + rounding) | (gain <= rounding)
         return ~(lowers & jnp.isfinite(there))
 

@@ -65,7 +65,7 @@ def objective(problem: Problem, start: Point, x: Array, eps: Array) -> Array:
     kept = Point(jnp.maximum(point.thickness, floor / 2), point.shift)
     smoothed = jnp.sqrt(point.shift**2 + eps**2) - eps
     penalty = _PENALTY / jnp.sqrt(eps) * problem.material.k / 2 * jnp.sum(below**2)
-    energy = problem.free_terms(kept).smooth + jnp.sum(friction_limit(problem) * smoothed)
+    energy = problem.free_smooth(kept) + jnp.sum(friction_limit(problem) * smoothed)
     return problem.slices * energy + penalty
 
 

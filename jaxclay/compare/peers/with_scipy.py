@@ -145,7 +145,7 @@ def _smoothed(problem: Problem, start: Point, x: Array, eps: Array):
 
 
 def _energy(problem: Problem, start: Point, thickness: Array) -> Array:
-    return problem.slices * problem.free_terms(Point(thickness, start.shift)).smooth
+    return problem.slices * problem.free_smooth(Point(thickness, start.shift))
 
 
 _smooth = jax.jit(jax.value_and_grad(_energy, argnums=2))

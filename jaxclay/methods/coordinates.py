@@ -1,0 +1,126 @@
+"""Coordinates: what a minimiser's unknowns mean, and what they must obey."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay import banded, local
+from jaxclay.certificate import friction_limit
+from jaxclay.clay import Array
+from jaxclay.methods.stages import Stage
+from jaxclay.problem import Problem
+from jaxclay.schemes.paper import Point
+
+_POWERS = 20
+
+
+class Bounds(Protocol):
+    """A set of allowed x."""
+
+    def nearest(self, x: Array) -> Array:
+        """The allowed point nearest to x."""
+        ...
+
+    def scaled(self, unit: Array) -> Bounds:
+        """The same set of x / unit."""
+        ...
+
+
+class Unbounded(NamedTuple):
+    """Every x."""
+
+    def nearest(self, x: Array) -> Array:
+        """The point itself."""
+        return x
+
+    def scaled(self, unit: Array) -> Unbounded:
+        """The same."""
+        return self
+
+
+class Coordinates(NamedTuple):
+    """What a stage's unknowns x mean; x = 0 is its base.
+
+    Attributes
+    ----------
+    start : (m,) array
+        Where to start: 0, or what is nearest to it within the bounds.
+    scale : (n+1, m) array
+        Step of the nodes for a unit of each unknown; () where x is that step.
+    curvature : scalar
+        Least curvature of the energy along x, about.
+    bounds : Bounds
+        What x must obey.
+    """
+
+    start: Array
+    scale: Array
+    curvature: Array
+    bounds: Bounds = Unbounded()
+
+    def point(self, problem: Problem, stage: Stage, x: Array) -> Point:
+        """The shape at x."""
+        step = self.scale @ x if self.scale.ndim else x
+        return stage.base.moved(jnp.where(stage.moves(problem), step, 0.0))
+
+    def energy(self, problem: Problem, stage: Stage) -> Callable[[Array], Array]:
+        """The stage's energy as a function of x."""
+        return lambda x: stage.energy(problem, self.point(problem, stage, x))
+
+
+def heights(problem: Problem, stage: Stage) -> Coordinates:
+    """The nodes' heights as they are."""
+    return Coordinates(
+        jnp.zeros_like(stage.base.shift), jnp.ones(()), problem.material.k / problem.slices
+    )
+
+
+def preconditioned(problem: Problem, stage: Stage) -> Coordinates:
+    """L^-T of the Hessian where the stage starts, or of Gauss-Newton's if it is not definite."""
+    limit, eps = friction_limit(problem), stage.eps
+    kink = limit * eps**2 / (stage.base.shift**2 + eps**2) ** 1.5
+    curvature = jnp.diag(jnp.where(stage.pinning, 0.0, kink))
+    hessian = local.smooth_model(problem, stage.base).bands
+    bend = local.between_nodes(local.radius_curvature(problem, stage.base), problem.free)
+    factor = jnp.linalg.cholesky(banded.dense(hessian) + curvature)
+    fallback = jnp.linalg.cholesky(banded.dense(hessian - bend) + curvature)
+    factor = jnp.where(jnp.all(jnp.isfinite(factor)), factor, fallback)
+    inverse = jax.scipy.linalg.solve_triangular(factor, jnp.eye(factor.shape[0]), lower=True)
+    return Coordinates(jnp.zeros_like(limit), inverse.T, jnp.ones(()))
+
+
+def normalised(
+    coordinates: Callable[[Problem, Stage], Coordinates],
+) -> Callable[[Problem, Stage], Coordinates]:
+    """The same coordinates in units in which the energy's largest curvature starts at about 1.
+
+    A first step along the gradient then has the right length.
+    """
+
+    def chosen(problem: Problem, stage: Stage) -> Coordinates:
+        chart = coordinates(problem, stage)
+        largest = _largest_curvature(chart.energy(problem, stage), chart.start)
+        usable = jnp.isfinite(largest) & (largest > chart.curvature)
+        unit = jnp.sqrt(1 / jnp.where(usable, largest, chart.curvature))
+        bounds = chart.bounds.scaled(unit)
+        return Coordinates(
+            chart.start / unit, chart.scale * unit, chart.curvature * unit**2, bounds
+        )
+
+    return chosen
+
+
+def _largest_curvature(energy: Callable[[Array], Array], x: Array) -> Array:
+    """The Hessian's largest eigenvalue at x, from below, by power iterations."""
+
+    def grown(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        v, size = carry
+        v = jax.jvp(jax.grad(energy), (x,), (v / size,))[1]
+        return v, jnp.maximum(jnp.linalg.norm(v), 1e-300)
+
+    v = jax.random.normal(jax.random.key(0), x.shape, x.dtype)
+    return jax.lax.fori_loop(0, _POWERS, grown, (v, jnp.linalg.norm(v)))[1]
