@@ -72,8 +72,14 @@ def masked(bands: Array, keep: Array) -> Array:
     """The bands on the rows and columns to keep, (n,) bool; the identity elsewhere."""
     widest = bands.shape[0] - 1
     other = jnp.stack([jnp.pad(keep[k:], (0, k)) for k in range(widest + 1)])
-    kept = jnp.where(keep & other, bands, 0.0)
-    return kept.at[0].add(jnp.where(keep, 0.0, 1.0))
+    identity = jnp.arange(widest + 1)[:, None] == 0
+    return jnp.where(keep & other, bands, identity.astype(bands.dtype))
+
+
+def dense(bands: Array) -> Array:
+    """The symmetric matrix (n, n) itself."""
+    upper = sum(jnp.diag(band[: bands.shape[1] - k], k) for k, band in enumerate(bands))
+    return upper + jnp.triu(upper, 1).T
 
 
 def factorize(bands: Array) -> Factor:
@@ -135,8 +141,9 @@ def _blocks(bands: Array) -> tuple[Array, Array, int]:
     while blocks * b > _DENSE:
         blocks, levels = -(-blocks // 2), levels + 1
     blocks *= 2**levels
-    bands = jnp.pad(bands, ((0, 0), (0, blocks * b - n)))
-    bands = bands.at[0, n:].set(1.0).reshape(b + 1, blocks, b)
+    added = jnp.broadcast_to(jnp.arange(b + 1)[:, None] == 0, (b + 1, blocks * b - n))
+    bands = jnp.concatenate([bands, added.astype(bands.dtype)], axis=1)
+    bands = bands.reshape(b + 1, blocks, b)
     none = jnp.zeros(blocks, bands.dtype)
     own = [[bands[abs(c - r), :, min(c, r)] for c in range(b)] for r in range(b)]
     following = [[bands[b + c - r, :, r] if c <= r else none for c in range(b)] for r in range(b)]
@@ -172,10 +179,12 @@ def _next(blocks: Array) -> Array:
 def _assembled(diagonal: Array, coupling: Array) -> Array:
     """The block tridiagonal matrix, lower half filled, dense."""
     b, _, m = diagonal.shape
-    i = jnp.arange(m)
-    dense = jnp.zeros((m, b, m, b), diagonal.dtype).at[i, :, i].set(jnp.moveaxis(diagonal, 2, 0))
-    below = jnp.swapaxes(coupling[:, :, : m - 1], 0, 1)
-    dense = dense.at[i[1:], :, i[:-1]].set(jnp.moveaxis(below, 2, 0))
+    own = jnp.moveaxis(diagonal, 2, 0)[:, :, None]
+    before = jnp.moveaxis(jnp.swapaxes(coupling, 0, 1), 2, 0)[None].swapaxes(1, 2)
+    block = jnp.arange(m)[:, None] - jnp.arange(m)
+    at = block[:, None, :, None]
+    # Masks instead of indices: on the CPU a scatter would be a loop.
+    dense = jnp.where(at == 0, own, 0.0) + jnp.where(at == 1, before, 0.0)
     return dense.reshape(m * b, m * b)
 
 
