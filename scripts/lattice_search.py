@@ -25,7 +25,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 import jaxclay
-from jaxclay._host import in_float64
+from jaxclay._host import compiled, in_float64
 from jaxclay.compare.scenes import Scene, packaged_scenes
 from jaxclay.methods.base import lifted
 from jaxclay.methods.lattice import best_on_lattice, label_steps
@@ -118,14 +118,14 @@ def contours(minimum: jaxclay.Solution) -> Iterator[tuple[np.ndarray, float]]:
         )
 
 
-@jax.jit
+@compiled()
 def _rest(problem: Problem) -> jax.Array:
     """Heights at rest but for the band, and what makes room for it."""
     rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
     return problem.shape(lifted(problem, problem.imposed(rest))).heights
 
 
-@jax.jit
+@compiled()
 def _through(problem: Problem, heights, spacing, nodes) -> tuple[jax.Array, jax.Array]:
     """The best contours on the lattice with each node at its lowest and its highest label."""
     point = problem.imposed(problem.point(heights))

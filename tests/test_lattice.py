@@ -1,7 +1,6 @@
 import itertools
 from pathlib import Path
 
-import jax
 import numpy as np
 import oracles
 import pytest
@@ -9,7 +8,7 @@ from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE, cylinder_problem, wavy
 
 import jaxclay
 from jaxclay import Material, Squash, Status, minimize, pose, rough_shape
-from jaxclay._host import in_float64
+from jaxclay._host import compiled, in_float64
 from jaxclay.methods.lattice import best_on_lattice, label_steps
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
@@ -63,7 +62,7 @@ def test_no_contour_on_the_lattice_is_better(name, spacing):
     assert min(energies) < oracles.total_energy(start, **constants)
 
 
-@jax.jit
+@compiled()
 def best(problem, heights, spacing):
     point = problem.imposed(problem.point(heights))
     move, energy = best_on_lattice(problem, point, label_steps(problem, point, spacing, 7))
@@ -141,7 +140,7 @@ def test_energy_never_rises_and_stopping_early_is_reported():
         energies = [jaxclay.total_energy(problem, rough_shape(problem).heights)]
         energies += [answer.energy for answer in answers]
         assert (np.diff(energies) <= 0).all()
-        assert energies[-1] < energies[1] < energies[0]
+        assert energies[-1] < energies[5] < energies[0]
         assert {answer.status for answer in answers} == {Status.ITERATION_LIMIT}
         assert [int(answer.iterations) for answer in answers] == list(range(1, 21))
 

@@ -1,0 +1,155 @@
+"""What the parts of the newton benchmark share: scenes, solves to time, clocks and tables."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+import jaxclay
+from jaxclay._host import Compiled, as_float64, compiled
+from jaxclay.compare.scenes import NAMED
+from jaxclay.loop import cold, run, solve
+from jaxclay.minimize import Solution, conclude, method_settings
+from jaxclay.problem import Problem
+from jaxclay.refine import refined_start
+
+_BURST = 5e-3  # seconds
+SAME = 1e-7  # of E_free: energies nearer than that are of the same minimum
+
+
+class Bound(NamedTuple):
+    """A figure and what it must not miss."""
+
+    what: str
+    wanted: str
+    measured: str
+    met: bool
+
+
+class Part(NamedTuple):
+    """What a part of the benchmark found out."""
+
+    table: Table
+    bounds: list[Bound]
+    notes: list[str]
+
+
+class Effort(NamedTuple):
+    """How thoroughly to measure."""
+
+    sizes: tuple[int, ...]  # slices
+    large: tuple[int, int]  # slices of the two large pieces
+    seconds: float  # of timed repeats that a scene gets
+    population: int  # random scenes
+    processes: int  # fresh ones
+
+
+def table(title: str, *columns: str) -> Table:
+    """Empty; the first column is text, the others are figures."""
+    style = {"box": None, "title_justify": "left", "min_width": len(title) + 2}
+    made = Table(*columns[:1], title=escape(title), **style)
+    for name in columns[1:]:
+        made.add_column(name, justify="right")
+    return made
+
+
+def spread(values, form: str = "{:.3g}", scale: float = 1.0) -> str:
+    """Median, least and most."""
+    if not len(values):
+        return "-"
+    values = scale * np.asarray(values)
+    return "{} [{}, {}]".format(*(form.format(f(values)) for f in (np.median, np.min, np.max)))
+
+
+@lru_cache
+def posed(n: int) -> tuple[dict[str, Problem], list[str]]:
+    """The last squash of every named scene, what came before it solved; and what was left out.
+
+    fig5 is fig4a's second stage, the same solve.
+    """
+    problems, skipped = {}, []
+    for scene in NAMED.values():
+        for units in scene.units if scene.name != "fig5" else ():
+            name = f"{scene.name} {units}"
+            try:
+                if n < scene.fewest_slices:
+                    raise ValueError(f"needs {scene.fewest_slices} slices")
+                problems[name] = scene.problems(units, n)[-1]
+            except (ValueError, RuntimeError) as error:
+                skipped.append(f"{name} at n = {n} left out: {error}")
+    return problems, skipped
+
+
+class Solve:
+    """Newton from the rough shape, ready to be called again and again on device arrays."""
+
+    def __init__(self, problem: Problem, fun: Compiled, **static: Any):
+        self.problem, self.rough = problem, jaxclay.rough_shape(problem)
+        settings = method_settings("newton", {})
+        values = problem, self.rough.point, settings, self.rough.feasible
+        with jax.enable_x64(True):
+            self.arguments = jax.device_put(as_float64(values))
+        self.fun, self.static = fun, static
+
+    def __call__(self) -> Any:
+        """The compiled call and nothing else."""
+        with jax.enable_x64(True):
+            return jax.block_until_ready(self.fun(*self.arguments, **self.static))
+
+    def judged(self) -> tuple[Solution, np.ndarray]:
+        """The answer with its certificate, and the iterations on every grid, coarse to fine."""
+        answer = jax.tree.map(np.asarray, self())
+        outcome, levels = answer if self.fun is climb else (answer, np.zeros(0, int))
+        solution = conclude(self.problem, self.rough, outcome, "newton")
+        return solution, np.append(levels, outcome.iterations)
+
+
+def direct(problem: Problem) -> Solve:
+    """On the problem's own grid alone."""
+    return Solve(problem, solve, method="newton")
+
+
+def coarse_to_fine(problem: Problem) -> Solve:
+    """By way of coarser grids, as :func:`jaxclay.minimize` goes beyond 256 slices."""
+    return Solve(problem, climb)
+
+
+@compiled()
+def climb(problem, rough, settings, feasible):
+    """The outcome, and the iterations on the coarser grids."""
+    start, levels = refined_start(problem, rough, settings, "newton", jnp.asarray(True))
+    return run(problem, cold(problem, start), settings, feasible, "newton"), levels
+
+
+def alternate(calls: dict[str, Callable[[], Any]], seconds: float) -> dict[str, np.ndarray]:
+    """Seconds of each call, all of them made in turn, over and over; the first turn compiles.
+
+    Short calls are made several times a turn, the first of them not timed: it pays for
+    what the others left in the caches.
+    """
+    taken: dict[str, list[float]] = {name: [] for name in calls}
+    often = {name: _clocked(call, 2)[1] for name, call in calls.items()}
+    often = {name: int(np.clip(_BURST / once, 1, 20)) for name, once in often.items()}
+    end = time.perf_counter() + seconds
+    while min(map(len, taken.values())) < 3 or time.perf_counter() < end:
+        for name, call in calls.items():
+            if often[name] > 1:
+                call()
+            taken[name] += _clocked(call, often[name])
+    return {name: np.array(times) for name, times in taken.items()}
+
+
+def _clocked(call: Callable[[], Any], times: int) -> list[float]:
+    clock = [time.perf_counter()]
+    for _ in range(times):
+        call()
+        clock.append(time.perf_counter())
+    return np.diff(clock).tolist()
