@@ -29,7 +29,7 @@ from jaxclay.schemes.paper import Point
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
-_LAST_EPS = 1e-13
+_LAST_EPS = 1e-15
 _WARM_GAIN = 1e-6  # what there is to gain from a minimum close by, over E_free
 _SETTLED = 1e-2  # of the tolerance: where the last nodes begin to move, gains mislead
 _ROUNDING = 1e-17  # first shift of a matrix that is not positive definite, over its largest entry
