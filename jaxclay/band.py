@@ -20,7 +20,7 @@ from jaxclay.side import Side, edge_tension, move_energy, solve_sides
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
 _LEAST = 1e-3  # of a slice: least clay below a band above the bottom
 _CUTS = 40
-_SCANNED = 64  # places at once
+_SCANNED = 160  # places at once
 
 
 class Rest(NamedTuple):

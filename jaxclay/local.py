@@ -20,6 +20,7 @@ from jaxclay.schemes import paper
 from jaxclay.schemes.paper import Point
 
 HALF_BANDWIDTH = 3  # bending couples Y_{i-1} .. Y_{i+2}
+_FINE = 512  # slices from which rounding can hide how the upper end gives way
 _DIAGONAL = ((0, HALF_BANDWIDTH), (0, 0))  # pads a diagonal to bands
 
 
@@ -84,19 +85,23 @@ class Stiffness(NamedTuple):
     Attributes
     ----------
     factor : Factor
-        With the upper end held.
-    tip : (n+1,) array
-        How all nodes follow when the upper end is lifted by 1.
-    tip_stiffness : scalar
-        The force that takes.
+        Of the matrix; with the upper end held if ``tip`` is there.
+    tip : Tip or None
+        How the upper end gives way.
     positive : bool
         Whether the matrix is positive definite.
     """
 
     factor: Factor
-    tip: Array
-    tip_stiffness: Array
+    tip: Tip | None
     positive: Array
+
+
+class Tip(NamedTuple):
+    """The upper end: how all nodes follow (n+1,) when it is lifted by 1, and the force it takes."""
+
+    follow: Array
+    stiffness: Array
 
 
 def stiffness(
@@ -106,30 +111,37 @@ def stiffness(
 
     In the heights bending is a sixth-order operator, and on fine grids the
     rounding of its entries hides how softly a free upper end gives way.  From
-    thicknesses that is known: so the upper end is eliminated last, with a pivot
-    that comes from a Hessian-vector product.
+    thicknesses that is known: so there the upper end is eliminated last, with a
+    pivot that comes from a Hessian-vector product.
     """
     bands = bands + between_nodes(between, problem.free)
     bands = bands + jnp.pad(jnp.where(problem.free, at_nodes, 0.0)[None], _DIAGONAL)
-    loose_end = problem.free[-1]
-    end = jnp.arange(bands.shape[1]) == bands.shape[1] - 1
+    if problem.slices < _FINE:
+        factor = banded.factorize(bands)
+        return Stiffness(factor, None, factor.positive)
+    loose_end, end = problem.free[-1], _is_end(at_nodes)
     factor = banded.factorize(banded.masked(bands, problem.free & ~end))
     last = jnp.stack([bands[k, -1 - k] for k in range(HALF_BANDWIDTH, 0, -1)])
     coupling = jnp.pad(last, (bands.shape[1] - 1 - HALF_BANDWIDTH, 1))
     follow = banded.solve(factor, jnp.where(problem.free & loose_end & ~end, -coupling, 0.0))
-    tip = jnp.where(end, jnp.where(loose_end, 1.0, 0.0), follow)
+    follow = jnp.where(end, jnp.where(loose_end, 1.0, 0.0), follow)
 
     def slope(step):
         return jax.grad(smooth_energy, argnums=2)(problem, point, step)
 
-    _, force = jax.jvp(slope, (jnp.zeros_like(tip),), (tip,))
-    softness = tip @ force + between @ jnp.diff(tip) ** 2 + at_nodes @ tip**2
+    _, force = jax.jvp(slope, (jnp.zeros_like(follow),), (follow,))
+    softness = follow @ force + between @ jnp.diff(follow) ** 2 + at_nodes @ follow**2
     softness = jnp.where(loose_end, softness, 1.0)
-    return Stiffness(factor, tip, softness, factor.positive & (softness > 0))
+    return Stiffness(factor, Tip(follow, softness), factor.positive & (softness > 0))
 
 
 def relaxed(stiff: Stiffness, force: Array) -> Array:
     """H^-1 force, for force (n+1,)."""
-    end = jnp.arange(force.shape[0]) == force.shape[0] - 1
-    held = banded.solve(stiff.factor, jnp.where(end, 0.0, force))
-    return held + stiff.tip * (stiff.tip @ force / stiff.tip_stiffness)
+    if stiff.tip is None:
+        return banded.solve(stiff.factor, force)
+    held = banded.solve(stiff.factor, jnp.where(_is_end(force), 0.0, force))
+    return held + stiff.tip.follow * (stiff.tip.follow @ force / stiff.tip.stiffness)
+
+
+def _is_end(nodes: Array) -> Array:
+    return jnp.arange(nodes.shape[0]) == nodes.shape[0] - 1

@@ -127,7 +127,8 @@ def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
 
 def _stiffness(problem, point, bands, floor, friction, failures) -> Stiffness:
     """The Hessian's factor; after a failure Gauss and Newton's, then with a growing shift."""
-    bend = jnp.where(failures > 0, local.radius_curvature(problem, point), 0.0)
+    none = jnp.zeros_like(point.thickness)
+    bend = jax.lax.cond(failures > 0, lambda: local.radius_curvature(problem, point), lambda: none)
     rounding = _ROUNDING * jnp.max(bands[0]) * 4.0**failures
     shift = jnp.where(failures > 1, rounding, 0.0)
     between = jnp.where(problem.loose, floor, 0.0) - bend
@@ -202,7 +203,7 @@ def _barrier(problem: Problem, energy: Array, memory: _Memory) -> Array:
 def _interior(problem: Problem, start: Point) -> Point:
     """The start, drawn off the floor if it touches."""
     touches = jnp.min(_room(problem, start) / problem.rest.thickness) < 1e-3
-    return evened(problem, start, jnp.where(touches, 0.1, 0.0))
+    return jax.lax.cond(touches, lambda: evened(problem, start, 0.1), lambda: start)
 
 
 METHOD = Method(
