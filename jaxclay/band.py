@@ -20,6 +20,7 @@ from jaxclay.side import Side, edge_tension, move_energy, solve_sides
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
 _LEAST = 1e-3  # of a slice: least clay below a band above the bottom
 _CUTS = 40
+_BESIDE = 4  # kinks to either side of the least that are looked at closely
 _SCANNED = 160  # places at once
 
 
@@ -185,13 +186,16 @@ def _cheapest(rest, tool, material, place, low, high):
     nodes = rest.nodes()
     share = place(low).upper - low
     kinks = jnp.sort(jnp.concatenate([nodes, nodes - share, low[None], high[None]]))
-    left, right = _around_least(jax.vmap(energy), kinks, low, high)
-    root = _sign_change(slope, *jax.lax.stop_gradient((left, right)))
-    return _follow(slope, jax.lax.stop_gradient(root))
+    energies = jax.vmap(energy)
+    around = jax.lax.stop_gradient(_around_least(energies, kinks, low, high))
+    # A minimum may lie on a kink or beside it, and the best kink beside another than the least.
+    beside = jax.vmap(lambda left, right: _sign_change(slope, left, right))(around[:-1], around[1:])
+    found = jnp.sort(jnp.concatenate([beside, around]))
+    return _follow(slope, jax.lax.stop_gradient(found[jnp.argmin(energies(found))]))
 
 
-def _around_least(energies, places: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """The places, sorted, before and after that of least energy between low and high.
+def _around_least(energies, places: Array, low: Array, high: Array) -> Array:
+    """The place of least energy between low and high, and some before and after it.
 
     Many places are scanned in rounds, each between the neighbours of the last
     round's best: neighbouring kinks differ little where there are many.
@@ -205,11 +209,10 @@ def _around_least(energies, places: Array, low: Array, high: Array) -> tuple[Arr
         apart = -(-(last - first) // (_SCANNED - 1))
         first, last = jnp.maximum(first, best - apart), jnp.minimum(last, best + apart)
         most = 2 * -(-most // (_SCANNED - 1)) if most > _SCANNED else 1
-    before = jnp.searchsorted(places, places[best], side="left") - 1
-    after = jnp.searchsorted(places, places[best], side="right")
-    at = jnp.clip(jnp.stack([before, after]), 0, places.shape[0] - 1)
-    left, right = jnp.clip(places[at], low, high)
-    return left, right
+    before = jnp.searchsorted(places, places[best], side="left") - jnp.arange(_BESIDE, 0, -1)
+    after = jnp.searchsorted(places, places[best], side="right") + jnp.arange(_BESIDE)
+    at = jnp.concatenate([before, best[None], after])
+    return jnp.clip(places[jnp.clip(at, 0, places.shape[0] - 1)], low, high)
 
 
 def _sign_change(slope, left: Array, right: Array) -> Array:
