@@ -1,4 +1,4 @@
-"""The command line: ``jaxclay compare`` and ``jaxclay deform``."""
+"""The command line: ``jaxclay compare``, ``jaxclay atlas`` and ``jaxclay deform``."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import sys
 from pathlib import Path
 
 import jaxclay
+from jaxclay.atlas.options import add_to as add_atlas
 
 _BAD_INPUT = 2
 _INTERRUPTED = 130
-_MOST_SLICES = 1024  # the methods are dense
+_MOST_SLICES = 1024  # some methods are dense
+_MOST_BANDED = 65_536
 
 
 def entry() -> None:
@@ -71,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=jaxclay.__version__)
     commands = parser.add_subparsers(dest="command", required=True)
     _add_compare(commands)
+    add_atlas(commands, check_interrupt)
     _add_deform(commands)
     return parser
 
@@ -160,8 +163,11 @@ def _deform(options: argparse.Namespace) -> int:
     squashes = [parse_squash(text, options.top_fixed) for text in options.squash]
     make = jaxclay.Material.from_snake_units if options.units == "snake" else jaxclay.Material
     material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
-    if options.slices is not None and options.slices > _MOST_SLICES:
-        raise ValueError(f"slices must be at most {_MOST_SLICES}, got {options.slices}")
+    most = _MOST_BANDED if options.method == "newton" else _MOST_SLICES
+    if options.slices is not None and options.slices > most:
+        raise ValueError(
+            f"slices must be at most {most} with {options.method}, got {options.slices}"
+        )
     _check_targets(options.out, options.plot)
     clay = jaxclay.load_profile(options.profile, options.slices, options.minimum_radius)
     solution = None

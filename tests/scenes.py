@@ -45,3 +45,16 @@ def population_problems(scenes, seed=0, smoothing=True):
             problems.append(jaxclay.pose(clay, squashes[-1], material))
     assert len(problems) > 0.8 * scenes
     return problems
+
+
+def solved(problem):
+    """Newton's answer, certified."""
+    solution = jaxclay.minimize(problem)
+    assert solution.status is jaxclay.Status.CONVERGED, solution.message
+    assert solution.certificate.accepted
+    return solution
+
+
+def gap(solution, best):
+    """Energy above the certified minimum, over E_free."""
+    return float(solution.energy - best.energy) / float(best.certificate.energy_free)

@@ -82,7 +82,10 @@ BAD = {
         ["teapot", "--squash", "0:2.24:1.5", "--top-fixed"],
         r"infeasible.*Above top are 0\.01.*at least",
     ),
-    "too many slices": (["teapot", "--squash", SQUASH, "--slices", "99999"], "at most 65536.*99999"),
+    "too many slices": (
+        ["teapot", "--squash", SQUASH, "--slices", "99999"],
+        "at most 65536.*99999",
+    ),
     "tool at a folder": (["teapot", "--squash", SQUASH, "--plot", "."], "folder"),
     "unknown picture": (["teapot", "--squash", SQUASH, "--plot", "a.xyz"], "a.xyz.*png"),
     "method": (["teapot", "--squash", SQUASH, "--method", "magic"], "magic.*newton"),

@@ -134,18 +134,12 @@ def _choose(kind: str, names: list[str] | None, known: dict[str, Scene]) -> list
 
 
 def _run(plan: Plan, rows: list[Row], overlays: list[Overlay], interrupt) -> None:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with progress_bar() as progress:
         task = progress.add_task("", total=len(plan.jobs()) * len(plan.contestants))
 
         def tick(what: str) -> None:
             interrupt()
-            progress.update(task, description=_fit(what))
+            progress.update(task, description=fit(what))
 
         for row, overlay in run(plan, tick):
             rows.append(row)
@@ -153,8 +147,20 @@ def _run(plan: Plan, rows: list[Row], overlays: list[Overlay], interrupt) -> Non
                 overlays.append(overlay)
             if row["experiment"] in ("answer", "grid"):
                 progress.advance(task)
-        progress.update(task, description=_fit("done"))
+        progress.update(task, description=fit("done"))
 
 
-def _fit(text: str) -> str:
+def progress_bar() -> Progress:
+    """A bar on stderr: what is running, how many are done, the time so far."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    return Progress(*columns, console=Console(stderr=True))
+
+
+def fit(text: str) -> str:
+    """The text in the width that the bar keeps for it."""
     return f"{text:<45.45}"

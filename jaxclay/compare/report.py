@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
@@ -31,18 +32,43 @@ td.l, th.l { text-align: left } tr.first td { border-top: 1px solid #ccc }
 
 def write(table: pd.DataFrame, overlays: list[Overlay], folder: Path) -> list[Path]:
     """Write every chart as PNG and ``report.html`` with the charts as SVG; returns the paths."""
+    written, figures = save_charts(charts(table, overlays), folder)
+    return [*written, save_page("jaxclay compare", _body(table, figures), folder)]
+
+
+def save_charts(drawn: Iterable[tuple[str, str, Figure]], folder: Path) -> tuple[list[Path], str]:
+    """Write charts as PNG, given name, caption and figure; the paths, and the charts as HTML."""
     written, figures = [], []
-    for name, caption, figure in charts(table, overlays):
+    for name, caption, figure in drawn:
         path = folder / f"{name}.png"
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=150)
         written.append(path)
         figures.append(f"<figure>{_svg(figure)}<figcaption>{escape(caption)}</figcaption></figure>")
         plt.close(figure)
+    return written, "".join(figures)
+
+
+def save_page(title: str, body: str, folder: Path) -> Path:
+    """Write ``report.html``: a title, what follows it, and the style; it loads nothing."""
     path = folder / "report.html"
+    head = (
+        f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>"
+        "<meta name=viewport content='width=device-width, initial-scale=1'>"
+        f"<style>{_STYLE}</style><h1>{title}</h1>"
+    )
     with replacing(path) as temporary:
-        temporary.write_text(_page(table, figures), encoding="utf-8")
-    return [*written, path]
+        temporary.write_text(f"{head}{body}</html>", encoding="utf-8")
+    return path
+
+
+def what_ran(table: pd.DataFrame) -> str:
+    """Versions and machine as HTML."""
+    lines = "".join(
+        f"<tr><td class=l>{escape(name)}</td><td class=l>{escape(str(value))}</td></tr>"
+        for name, value in results.versions(table.method.unique()).items()
+    )
+    return f"<h2>What ran</h2><table>{lines}</table>"
 
 
 def _svg(figure: Figure) -> str:
@@ -52,21 +78,14 @@ def _svg(figure: Figure) -> str:
     return svg[svg.index("<svg") :]
 
 
-def _page(table: pd.DataFrame, figures: list[str]) -> str:
-    ran = "".join(
-        f"<tr><td class=l>{escape(name)}</td><td class=l>{escape(str(value))}</td></tr>"
-        for name, value in results.versions(table.method.unique()).items()
-    )
+def _body(table: pd.DataFrame, figures: str) -> str:
     left_out = "".join(f"<li>{escape(line)}</li>" for line in results.skipped(table))
     return (
-        "<!doctype html><html lang=en><meta charset=utf-8><title>jaxclay compare</title>"
-        "<meta name=viewport content='width=device-width, initial-scale=1'>"
-        f"<style>{_STYLE}</style><h1>jaxclay compare</h1>"
-        f"<p>{_summary(table)}</p>{''.join(figures)}"
+        f"<p>{_summary(table)}</p>{figures}"
         f"<h2>Every answer</h2>{_explanation()}{_peers(table)}"
         f"<div class=wide>{_table(table)}</div>"
         + (f"<h2>Skipped</h2><ul>{left_out}</ul>" if left_out else "")
-        + f"<h2>What ran</h2><table>{ran}</table></html>"
+        + what_ran(table)
     )
 
 
