@@ -102,7 +102,7 @@ class Solve:
     def __call__(self) -> Any:
         """The compiled call and nothing else."""
         with jax.enable_x64(True):
-            return jax.block_until_ready(self.fun(*self.arguments, **self.static))
+            return jax.block_until_ready(self.fun.whole(*self.arguments, **self.static))
 
     def judged(self) -> tuple[Solution, np.ndarray]:
         """The answer with its certificate, and the iterations on every grid, coarse to fine."""
