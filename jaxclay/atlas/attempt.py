@@ -47,12 +47,12 @@ class Attempts:
 
     def __init__(self, seconds: float):
         self.seconds = seconds
-        self._speeds: dict[tuple[str, str], float] = {}  # iterations in a second
+        self._speeds: dict[tuple[str, int, str], float] = {}  # iterations in a second
         self._slices = 0
 
     def on_grid(self, slices: int) -> None:
-        """What comes next is on that grid: forget what was compiled for another."""
-        if slices != self._slices and self._slices:
+        """What comes next is on that grid: forget what was compiled for a fine one."""
+        if slices != self._slices and self._slices > DIRECT:
             self._speeds.clear()
             jax.clear_caches()  # programs for fine grids take hundreds of MB
         self._slices = slices
@@ -60,7 +60,7 @@ class Attempts:
     def __call__(self, problem: Problem, rough: RoughShape, method: str, precision: str) -> Attempt:
         """The method's answer from the rough shape, within the time."""
         run = _prepared(problem, rough, method, precision)
-        key = method, precision
+        key = method, problem.slices, precision
         if key not in self._speeds:
             run(1)  # compiles
             self._speeds[key] = _FIRST / self.seconds

@@ -36,9 +36,9 @@ def charts(table: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
     if len(depth):
         caption = (
             "Depth and friction: the unit cylinder of radius 0.5, 64 slices, in snake units, "
-            f"squashed from 0 to {DEPTH_TOP} l so far that the clay above moves up by d, or down "
-            "where d is negative. Beyond the dashed line 2|d|mu/k = 1 the thicknesses of eq. 14 "
-            "fall below zero, and the floor takes over. " + _READING
+            f"squashed from 0 to {DEPTH_TOP} of its height so far that the clay above moves up by "
+            "d, or down where d is negative. Beyond the dashed line 2|d|mu/k = 1 the thicknesses "
+            "of eq. 14 fall below zero, and the floor takes over. " + _READING
         )
         yield "depth", caption, _by_method(depth, "displacement d / l", "mu / k", _floor_line)
     smoothing = select(table, table.sweep == "smoothing")
@@ -52,9 +52,10 @@ def charts(table: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
     slices = select(table, table.sweep == "slices")
     if len(slices):
         caption = (
-            "Number of slices, in float64 and float32: the reference scene. What float32 finds is "
-            "judged in float64. A method that is out of time on a grid is not tried on finer ones; "
-            "newton goes by coarser grids from 257 slices on, in float64. " + _READING
+            "Number of slices: the reference scene, in float64, and on some of the grids in "
+            "float32, whose answers are judged in float64. But for newton, a method that is out of "
+            "time on a grid is not tried on finer ones. From 257 slices on newton goes by way of "
+            "coarser grids, in float64. " + _READING
         )
         yield "slices", caption, _by_panel(slices)
     single = select(table, table.precision == SINGLE)

@@ -15,22 +15,28 @@ from jaxclay.compare import report, results
 from jaxclay.methods import METHODS
 
 _TITLE = "jaxclay atlas"
+_TIME = "ms where solved"
 
 
 def write(table: pd.DataFrame, seconds: float, folder: Path) -> list[Path]:
     """Write the table, the charts and ``report.html``; returns the paths."""
     written, figures = report.save_charts(charts(table), folder)
-    body = f"{_introduction(seconds)}{_counts_html(table)}{figures}{_reasons_html(table)}"
+    body = f"{_introduction(seconds)}{figures}{_counts_html(table)}{_reasons_html(table)}"
     page = report.save_page(_TITLE, body + report.what_ran(table), folder)
     return [results.save(table, folder), *written, page]
 
 
 def counts(table: pd.DataFrame) -> pd.DataFrame:
-    """How many cells each method has under each mark, a line for each sweep and precision."""
+    """How many cells each method has under each mark, a line for each sweep and precision.
+
+    The last column is the median time of the cells that it solved, in milliseconds.
+    """
     keys = ["sweep", "precision", "method"]
     found = table.groupby(keys, sort=False).mark.value_counts().unstack(fill_value=0)
-    columns = [str(mark) for mark in Mark if str(mark) in found.columns]
-    return found[columns].reset_index()
+    found = found[[str(mark) for mark in Mark if str(mark) in found.columns]]
+    solved = results.select(table, table.mark == str(Mark.SOLVED))
+    times = solved.groupby(keys, sort=False).solve_s.median() * 1e3
+    return found.assign(**{_TIME: times}).reset_index()
 
 
 def print_table(table: pd.DataFrame, console: Console) -> None:
@@ -59,7 +65,8 @@ def _without_repeats(counted: pd.DataFrame) -> list[list[str]]:
     for row in counted.itertuples(index=False):
         here = tuple(map(str, row[:2]))
         first = here if here != before else ("", "")
-        lines.append([*first, row[2], *(str(count) if count else "" for count in row[3:])])
+        numbers = [str(count) if count else "" for count in row[3:-1]]
+        lines.append([*first, row[2], *numbers, results.number(row[-1], ".3g", "")])
         before = here
     return lines
 
@@ -93,10 +100,7 @@ def _counts_html(table: pd.DataFrame) -> str:
     named = "".join(
         f"<li><b>{name}</b>: {escape(METHODS[name].summary)}</li>" for name in table.method.unique()
     )
-    return (
-        f"<h2>Cells by mark</h2><table><tr>{head}</tr>{''.join(lines)}</table><ul>{named}</ul>"
-        "<h2>Where they lie</h2>"
-    )
+    return f"<h2>Cells by mark</h2><table><tr>{head}</tr>{''.join(lines)}</table><ul>{named}</ul>"
 
 
 def _reasons_html(table: pd.DataFrame) -> str:

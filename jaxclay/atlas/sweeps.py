@@ -108,8 +108,8 @@ QUICK = Grids(
     frictions=(0.1, 1.0, 10.0),
     alphas=(_SNAKE_ALPHA, 1e-2, 1.0),
     betas=(_SNAKE_BETA, 1e-4, 1e-2, 1.0),
-    slices=(16, 64, 256),
-    single_slices=(16, 64),
+    slices=(64, 256),
+    single_slices=(64,),
 )
 
 
