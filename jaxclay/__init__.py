@@ -27,6 +27,7 @@ from jaxclay.profiles import (
     save_profile as save_profile,
 )
 from jaxclay.scm import RoughShape as RoughShape, rough_shape as rough_shape
+from jaxclay.smooth_clay import SmoothClay as SmoothClay
 from jaxclay.squash import Squash as Squash
 
 __version__ = "0.1.0"

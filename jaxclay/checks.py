@@ -43,3 +43,16 @@ def check_increasing(heights: np.ndarray, name: str) -> None:
             f"{name} must increase from bottom to top, but {name}[{i + 1}] = {heights[i + 1]:g} "
             f"follows {name}[{i}] = {heights[i]:g}"
         )
+
+
+def within(name: str, value, low: float, high: float):
+    """The values, which must lie in [low, high] up to rounding; an error names one outside."""
+    if not is_concrete(value, low, high):
+        return value
+    value = np.asarray(value, np.float64)
+    slack = 1e-12 * (high - low)
+    wrong = ~((value >= low - slack) & (value <= high + slack))
+    if wrong.any():
+        first = value.reshape(-1)[int(np.argmax(wrong))]
+        raise ValueError(f"{name} must lie between {low:g} and {high:g}, got {first:g}")
+    return np.clip(value, low, high)
