@@ -9,13 +9,18 @@ r0 = sqrt(volume / pi).
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import is_concrete, pytree
-from jaxclay.checks import as_number, check_increasing, check_positive, check_slices
+from jaxclay.checks import as_number, check_increasing, check_positive, check_slices, within
+from jaxclay.slicing import clip_radii, equal_volume_heights
+
+if TYPE_CHECKING:
+    from jaxclay.conversion import Converted
 
 Array = Any  # NumPy on the host, JAX inside transformations
 
@@ -123,8 +128,8 @@ class Clay:
                 f"{heights.shape} and {radii.shape}"
             )
         check_increasing(heights, "heights")
-        radii = _clip_radii(radii, minimum_radius)
-        y = _equal_volume_heights(heights - heights[0], radii, slices)
+        radii = clip_radii(radii, minimum_radius)
+        y = equal_volume_heights(heights - heights[0], radii, slices)
         steps, ra, rb = np.diff(heights), radii[:-1], radii[1:]
         third = np.sum(steps * (ra * ra + ra * rb + rb * rb)) / 3  # volume / pi
         return cls(heights=y, thickness=np.diff(y), r0=np.sqrt(third), unit=y[-1])
@@ -148,6 +153,27 @@ class Clay:
     def height(self) -> Array:
         """Y_n, length."""
         return self.heights[-1]
+
+    def height_at(self, u: Array) -> Array:
+        """Height at the material coordinates u in [0, 1], length; linear within a slice."""
+        nodes = np.arange(self.slices + 1) / self.slices
+        return _line(within("u", u, 0.0, 1.0), nodes, self.heights)
+
+    def material_at(self, height: Array) -> Array:
+        """The fraction u of the volume below heights in [0, Y_n]."""
+        height = within("height", height, 0.0, self.height)
+        return _line(height, self.heights, np.arange(self.slices + 1) / self.slices)
+
+    def radius_at(self, height: Array) -> Array:
+        """Radius at heights in [0, Y_n], length; linear between the middles of slices."""
+        middles = (self.heights[1:] + self.heights[:-1]) / 2
+        return _line(within("height", height, 0.0, self.height), middles, self.radii)
+
+    def as_function(self, tolerance: float = 1e-6) -> Converted:
+        """A :class:`jaxclay.SmoothClay` through all heights, and how far its contour is off."""
+        from jaxclay.conversion import as_function
+
+        return as_function(self, tolerance)
 
     def _repr_html_(self) -> str:
         from jaxclay._html import clay_html
@@ -218,32 +244,6 @@ def unchecked_clay(heights: Array, thickness: Array, r0: Array, unit: Array) -> 
     return jax.tree.unflatten(jax.tree.structure(Clay.cylinder(slices=3)), leaves)
 
 
-def _clip_radii(radii: np.ndarray, minimum: float | None) -> np.ndarray:
-    if minimum is not None:
-        check_positive("minimum_radius", minimum)
-        lowest = 0.0
-        good = np.isfinite(radii) & (radii >= 0)
-    else:
-        good = np.isfinite(radii) & (radii > 0)
-        lowest = None
-    if not good.all():
-        i = int(np.argmin(good))
-        hint = "" if lowest is not None or radii[i] != 0 else "; minimum_radius clips a pointed tip"
-        raise ValueError(f"radii[{i}] is {radii[i]:g}, but radii must be positive and finite{hint}")
-    return radii if minimum is None else np.maximum(radii, minimum)
-
-
-def _equal_volume_heights(y: np.ndarray, radii: np.ndarray, slices: int) -> np.ndarray:
-    """Heights (slices+1,) that cut the frusta through (y, radii) into equal volumes."""
-    ra, dr, dy = radii[:-1], np.diff(radii), np.diff(y)
-    volume = dy * (ra * ra + ra * dr + dr * dr / 3)
-    below = np.concatenate([[0.0], np.cumsum(volume)])
-    wanted = below[-1] * np.arange(1, slices) / slices
-    j = np.clip(np.searchsorted(below, wanted, side="right") - 1, 0, len(dy) - 1)
-    rest, a, d = (wanted - below[j]) / dy[j], ra[j], dr[j]
-    low, high = np.zeros(slices - 1), np.ones(slices - 1)
-    for _ in range(60):  # bisection of a monotone cubic: exact to rounding for any frustum
-        s = (low + high) / 2
-        under = s * (a * a + s * d * (a + s * d / 3)) < rest
-        low, high = np.where(under, s, low), np.where(under, high, s)
-    return np.concatenate([[0.0], y[j] + (low + high) / 2 * dy[j], [y[-1]]])
+def _line(at: Array, x: Array, y: Array) -> Array:
+    """The polyline through (x, y) at the places ``at``."""
+    return (np if is_concrete(at, x, y) else jnp).interp(at, x, y)
