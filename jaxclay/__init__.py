@@ -29,6 +29,7 @@ from jaxclay.profiles import (
 from jaxclay.scm import RoughShape as RoughShape, rough_shape as rough_shape
 from jaxclay.smooth_clay import SmoothClay as SmoothClay
 from jaxclay.squash import Squash as Squash
+from jaxclay.svg import save_svg as save_svg
 
 __version__ = "0.1.0"
 

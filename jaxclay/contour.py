@@ -11,12 +11,12 @@ import numpy as np
 
 from jaxclay.bernstein import in_piece
 from jaxclay.clay import Clay
-from jaxclay.distance import farthest
+from jaxclay.distance import distances, farthest
 from jaxclay.smooth_clay import SmoothClay
 
 _CHORD = 1e-8  # of l
 _MOST_POINTS = 20_000
-_PROBES = 24  # places in a piece where its curvature is looked at
+_PROBES = 49  # places in a piece where its curvature is looked at
 _EVENNESS = 0.1  # least density of points, of the piece's greatest
 _SAFETY = 1.1
 _SAME_RADIUS = 1e-10  # of l
@@ -69,21 +69,32 @@ def _curve(clay: SmoothClay, chord: float) -> np.ndarray:
     """(m, 2) points from (X, Y)(0) to (X, Y)(1) with chords within ``chord`` l of the curve."""
     width = np.diff(clay.breaks)
     control, width = clay.control[width > 0], width[width > 0]
-    owner, s = _places(clay, control, width, chord * float(clay.unit))
-    (X, Y), _, _ = contour_derivatives(clay, control[owner], width[owner], s)
-    same = np.abs(np.diff(X)) <= _SAME_RADIUS * clay.unit
-    repeated = np.append(False, same & (np.diff(owner) > 0))
-    return np.stack([X, Y], axis=1)[~repeated]
+    chord = chord * float(clay.unit)
+    owner, s = _places(clay, control, width, chord)
+    while True:
+        points = contour_derivatives(clay, control[owner], width[owner], s)[0].T
+        # A tip may hide between probes: look at the middle of each chord.
+        first = np.flatnonzero(owner[1:] == owner[:-1])
+        i, middle = owner[first], (s[first] + s[first + 1]) / 2
+        between = contour_derivatives(clay, control[i], width[i], middle)[0].T
+        far = distances(between, points, first) > chord
+        split = np.flatnonzero(far)[: max(_MOST_POINTS - len(s), 0)]
+        if not len(split):
+            break
+        s = np.insert(s, first[split] + 1, middle[split])
+        owner = np.insert(owner, first[split] + 1, i[split])
+    same = np.abs(np.diff(points[:, 0])) <= _SAME_RADIUS * clay.unit
+    return points[np.append(True, ~(same & (np.diff(owner) > 0)))]
 
 
 def _places(clay: SmoothClay, control, width, chord: float) -> tuple[np.ndarray, np.ndarray]:
     """Piece and s in it of each point: a chord over ds is |normal part of P_ss| ds^2 / 8 away."""
-    probes = np.linspace(0, 1, _PROBES)
+    probes = (1 - np.cos(np.linspace(0, np.pi, _PROBES))) / 2  # tips are sharpest at ends
     _, P_u, P_uu = contour_derivatives(clay, control[:, None], width[:, None], probes)
     normal = np.abs(P_u[0] * P_uu[1] - P_u[1] * P_uu[0]) / np.hypot(*P_u)
     density = width[:, None] * np.sqrt(normal / (8 * chord))
     density = np.maximum(density, _EVENNESS * density.max(axis=1, keepdims=True))
-    steps = np.maximum(density[:, 1:], density[:, :-1]) / (_PROBES - 1)
+    steps = np.maximum(density[:, 1:], density[:, :-1]) * np.diff(probes)
     below = np.concatenate([np.zeros((len(width), 1)), np.cumsum(steps, axis=1)], axis=1)
     share = min(1.0, (_MOST_POINTS - 2 * len(width)) / (_SAFETY * below[:, -1].sum() + 1e-300))
     chords = np.maximum(np.ceil(share * _SAFETY * below[:, -1]).astype(int), 1)

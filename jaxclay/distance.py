@@ -25,7 +25,7 @@ def farthest(line: np.ndarray, other: np.ndarray) -> float:
     # No point is farther away than the segment beside it or either end ...
     last = len(other) - 2
     beside = np.clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last)
-    bound = np.min([_distances(points, other, segment) for segment in (beside, 0, last)], axis=0)
+    bound = np.min([distances(points, other, segment) for segment in (beside, 0, last)], axis=0)
     # ... nor than a point before or after it and the way there: few points need a closer look.
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     best = 0.0
@@ -56,11 +56,11 @@ def _nearest(points: np.ndarray, other: np.ndarray, bound: np.ndarray) -> np.nda
         begins = np.cumsum(count[rows]) - count[rows]
         owner = np.repeat(rows, count[rows])
         segment = np.arange(len(owner)) + np.repeat(low[rows] - begins, count[rows])
-        nearest[rows] = np.minimum.reduceat(_distances(points[owner], other, segment), begins)
+        nearest[rows] = np.minimum.reduceat(distances(points[owner], other, segment), begins)
     return nearest
 
 
-def _distances(points: np.ndarray, line: np.ndarray, segment: np.ndarray | int) -> np.ndarray:
+def distances(points: np.ndarray, line: np.ndarray, segment: np.ndarray | int) -> np.ndarray:
     """(p,) distance of each point (p, 2) to its segment of the polyline."""
     start = line[segment]
     along, offset = line[np.asarray(segment) + 1] - start, points - start

@@ -2,8 +2,9 @@
 
 A CSV file has a header with the columns ``height`` and ``radius``, one length
 unit, from bottom to top; lines that start with # are comments.  Files that
-jaxclay writes also carry each slice's ``thickness`` and ``top`` and, as comments,
-l and r0, so that reading them back gives the same slices.
+jaxclay writes carry more, so that reading them back gives the same clay: l and
+r0 as comments, and either each slice's ``thickness`` and ``top`` or, as
+comments, the pieces of the function Y(u).
 """
 
 from __future__ import annotations
@@ -14,11 +15,17 @@ import tempfile
 from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 
+from jaxclay.bernstein import DEGREE
 from jaxclay.checks import check_positive, check_slices
 from jaxclay.clay import Clay
+from jaxclay.contour import polyline
+from jaxclay.distance import farthest
+from jaxclay.smooth_clay import SmoothClay
+from jaxclay.tables import COLUMNS, Comment, as_finite, read_table
 
 # The Utah teapot's body (M. Newell 1975): cubic Bezier control points (radius, height).
 _TEAPOT_BODY = (
@@ -26,7 +33,7 @@ _TEAPOT_BODY = (
     ((2.0, 0.75), (2.0, 1.2), (1.75, 1.725), (1.5, 2.25)),
 )
 _POINTS = 129
-_COLUMNS = ("height", "radius", "thickness", "top")
+_ROWS_WITHIN = 1e-6  # of l, from the contour of a function
 
 
 def _teapot() -> tuple[np.ndarray, np.ndarray]:
@@ -60,9 +67,21 @@ PROFILES: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
 }
 
 
+@overload
+def load_profile(
+    source: str | os.PathLike, slices: int, minimum_radius: float | None = None
+) -> Clay: ...
+
+
+@overload
+def load_profile(
+    source: str | os.PathLike, slices: None = None, minimum_radius: float | None = None
+) -> Clay | SmoothClay: ...
+
+
 def load_profile(
     source: str | os.PathLike, slices: int | None = None, minimum_radius: float | None = None
-) -> Clay:
+) -> Clay | SmoothClay:
     """Clay from a packaged profile or a CSV file.
 
     Parameters
@@ -70,7 +89,8 @@ def load_profile(
     source : str or path
         "teapot", "amphora", "bowl", or a CSV file with columns height and radius.
     slices : int, optional
-        64 if not given; for a file that jaxclay wrote, the slices it has.
+        64 if not given; for a file that jaxclay wrote, the clay it has, in
+        slices or as a function.
     minimum_radius : float, optional
         Radii below it are raised to it, to clip a pointed tip.
 
@@ -90,16 +110,57 @@ def load_profile(
             f"no profile {str(source)!r}: choose from {', '.join(PROFILES)}, or name a CSV file"
         )
     try:
-        table, marks = _read_csv(path)
-        if marks and minimum_radius is None:
-            return _saved_clay(table, marks, slices)
+        table, comments = read_table(path)
+        saved = _saved_clay(table, comments, slices) if minimum_radius is None else None
+        if saved is not None:
+            return saved
         slices = 64 if slices is None else slices
         return Clay.from_profile(table["height"], table["radius"], slices, minimum_radius)
     except ValueError as error:  # of which a UnicodeDecodeError is one
         raise ValueError(f"{path}: {error}") from None
 
 
-def _saved_clay(table: dict, marks: dict, slices: int | None) -> Clay:
+def _saved_clay(table: dict, comments: list[Comment], slices: int | None):
+    """The clay of a file that jaxclay wrote; None of another's."""
+    found = {c.name: c for c in comments if c.name in ("unit", "r0")}
+    pieces = [c for c in comments if c.name == "piece"]
+    if len(found) < 2 or not (pieces or set(COLUMNS) <= set(table)):
+        return None
+    marks = {}
+    for name, comment in found.items():
+        marks[name] = as_finite(comment.line, name, comment.value)
+        check_positive(f"line {comment.line}: {name}", marks[name])
+    if not pieces:
+        return _saved_slices(table, marks, slices)
+    clay = _saved_function(table, marks, pieces)
+    return clay if slices is None else clay.sliced(slices).clay
+
+
+def _saved_function(table: dict, marks: dict, pieces: list[Comment]) -> SmoothClay:
+    """The function whose pieces the comments hold, if the rows are points of it."""
+    numbers = []
+    for comment in pieces:
+        words = comment.value.split()
+        if len(words) != DEGREE + 2:
+            raise ValueError(
+                f"line {comment.line}: a piece has its first u and {DEGREE + 1} heights, not "
+                f"{len(words)} numbers"
+            )
+        numbers.append([as_finite(comment.line, "piece", word) for word in words])
+    values = np.array(numbers)
+    clay = SmoothClay(np.append(values[:, 0], 1.0), values[:, 1:], marks["r0"], marks["unit"])
+    rows = np.stack([table["radius"], table["height"]], axis=1)
+    contour = polyline(clay)[1:-1]
+    apart = max(farthest(rows, contour), farthest(contour, rows))
+    if apart > 2 * _ROWS_WITHIN * clay.unit:
+        raise ValueError(
+            f"the rows are up to {apart:g} away from the pieces in the comments: a file edited by "
+            "hand must not keep the lines that start with # piece"
+        )
+    return clay
+
+
+def _saved_slices(table: dict, marks: dict, slices: int | None) -> Clay:
     """The clay of a file that jaxclay wrote; on another grid each slice keeps its radius."""
     is_slice = table["thickness"] > 0
     heights = np.concatenate([[0.0], table["top"][is_slice]])
@@ -119,24 +180,51 @@ def _saved_clay(table: dict, marks: dict, slices: int | None) -> Clay:
     return Clay(heights, np.diff(heights), clay.r0, clay.unit)
 
 
-def save_profile(clay: Clay, path: str | os.PathLike) -> None:
-    """Write the contour as CSV: columns height, radius, thickness, top; the clay's length unit.
+def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
+    """Write the contour as CSV, in the clay's length unit.
 
-    Rows are the slices, radius at mid-height, top their upper boundary, with a
-    row of no thickness at either end, where the contour turns to the axis.  The sum of pi radius^2
+    Of clay in slices, rows of height, radius, thickness and top: the slices,
+    radius at mid-height, top their upper boundary, with a row of no thickness at
+    either end, where the contour turns to the axis.  The sum of pi radius^2
     thickness is the clay's volume to rounding; the smooth solid through the same
-    points differs by O(h^2).  The file appears whole or not at all.
+    points differs by O(h^2).
+
+    Of a function, rows of height and radius that lie on the contour and so close
+    that the line through them is within 1e-6 l of it; comments hold the function
+    itself.  The file appears whole or not at all.
     """
-    y, t, X = (np.asarray(v) for v in (clay.heights, clay.thickness, clay.radii))
-    heights = np.concatenate([[0.0], (y[:-1] + y[1:]) / 2, [y[-1]]])
-    radii, thickness = np.concatenate([X[:1], X, X[-1:]]), np.concatenate([[0.0], t, [0.0]])
-    tops = np.concatenate([y, y[-1:]])
+    comments = [f"# unit = {float(clay.unit)!r}", f"# r0 = {float(clay.r0)!r}"]
+    if isinstance(clay, SmoothClay):
+        comments += [
+            "# piece = " + " ".join(repr(float(v)) for v in (start, *heights))
+            for start, heights in zip(clay.breaks[:-1], clay.control, strict=True)
+        ]
+        columns = _rows_of_function(clay)
+    else:
+        columns = _rows_of_slices(clay)
     with replacing(path) as temporary, temporary.open("w", newline="") as file:
-        file.write(f"# unit = {float(clay.unit)!r}\n# r0 = {float(clay.r0)!r}\n")
+        file.write("\n".join(comments) + "\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["height", "radius", "thickness", "top"])
-        for row in zip(heights, radii, thickness, tops, strict=True):
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
             writer.writerow([repr(float(v)) for v in row])
+
+
+def _rows_of_slices(clay: Clay) -> dict[str, np.ndarray]:
+    y, t, X = (np.asarray(v) for v in (clay.heights, clay.thickness, clay.radii))
+    return {
+        "height": np.concatenate([[0.0], (y[:-1] + y[1:]) / 2, [y[-1]]]),
+        "radius": np.concatenate([X[:1], X, X[-1:]]),
+        "thickness": np.concatenate([[0.0], t, [0.0]]),
+        "top": np.concatenate([y, y[-1:]]),
+    }
+
+
+def _rows_of_function(clay: SmoothClay) -> dict[str, np.ndarray]:
+    X, y = polyline(clay, _ROWS_WITHIN)[1:-1].T
+    # Rows must rise: where the radius jumps, its upper value stands one rounding higher.
+    level = np.append(False, np.diff(y) <= 0)
+    return {"height": np.where(level, np.nextafter(y, np.inf), y), "radius": X}
 
 
 @contextmanager
@@ -158,77 +246,3 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """The file's columns as numbers; l and r0 too if jaxclay wrote it."""
-    comments: dict[str, tuple[int, str]] = {}
-    header: list[str] | None = None
-    rows: list[dict[str, float]] = []
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        for number, line in enumerate(file, 1):
-            text = line.strip()
-            if text.startswith("#"):
-                name, _, value = text[1:].partition("=")
-                comments[name.strip()] = number, value
-                continue
-            if not text:
-                continue
-            cells = [cell.strip() for cell in next(csv.reader([text]))]
-            if header is None:
-                header = _checked_header(number, cells)
-                continue
-            if len(cells) != len(header):
-                raise ValueError(
-                    f"line {number}: {text!r} has {len(cells)} values, but the header names "
-                    f"{len(header)}: {','.join(header)}"
-                )
-            named = dict(zip(header, cells, strict=True))
-            row = {
-                name: _as_number(number, name, named[name]) for name in _COLUMNS if name in named
-            }
-            _check_row(number, row, rows[-1] if rows else None)
-            rows.append(row)
-    if header is None or len(rows) < 2:
-        raise ValueError("a profile needs a header height,radius and at least 2 lines")
-    marks: dict[str, float] = {}
-    if set(_COLUMNS) <= set(header) and {"unit", "r0"} <= set(comments):
-        for name in ("unit", "r0"):
-            number, value = comments[name]
-            marks[name] = _as_number(number, name, value)
-            check_positive(f"line {number}: {name}", marks[name])
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, marks
-
-
-def _checked_header(number: int, cells: list[str]) -> list[str]:
-    header = [cell.lower() for cell in cells]
-    for name in _COLUMNS:
-        if header.count(name) > 1:
-            raise ValueError(f"line {number}: the header names {name} twice")
-    if not {"height", "radius"} <= set(header):
-        raise ValueError(
-            f"line {number}: the header {','.join(cells)!r} must name the columns height and radius"
-        )
-    return header
-
-
-def _check_row(number: int, row: dict[str, float], before: dict[str, float] | None) -> None:
-    if row["radius"] < 0:
-        raise ValueError(f"line {number}: radius is {row['radius']:g}, must be positive")
-    if row.get("thickness", 0.0) < 0:
-        raise ValueError(f"line {number}: thickness is {row['thickness']:g}, must be at least 0")
-    if before and not row["height"] > before["height"]:
-        raise ValueError(
-            f"line {number}: height {row['height']:g} does not increase: the line before has "
-            f"{before['height']:g}"
-        )
-
-
-def _as_number(number: int, name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise ValueError(f"line {number}: {name} {text.strip()!r} is not a finite number")
-    return value
