@@ -3,6 +3,14 @@
 from jaxclay.certificate import Certificate as Certificate
 from jaxclay.clay import Clay as Clay, Material as Material
 from jaxclay.contour import area_error as area_error, contour_error as contour_error
+from jaxclay.energies import (
+    bending_energy as bending_energy,
+    energy_terms as energy_terms,
+    friction_energy as friction_energy,
+    strain_energy as strain_energy,
+    tension_energy as tension_energy,
+    total_energy as total_energy,
+)
 from jaxclay.energy import Terms as Terms
 from jaxclay.methods import METHODS as METHODS
 from jaxclay.minimize import (
@@ -11,21 +19,14 @@ from jaxclay.minimize import (
     deform as deform,
     minimize as minimize,
 )
-from jaxclay.problem import (
-    Problem as Problem,
-    bending_energy as bending_energy,
-    energy_terms as energy_terms,
-    friction_energy as friction_energy,
-    pose as pose,
-    strain_energy as strain_energy,
-    tension_energy as tension_energy,
-    total_energy as total_energy,
-)
+from jaxclay.posing import pose as pose
+from jaxclay.problem import Problem as Problem
 from jaxclay.profiles import (
     PROFILES as PROFILES,
     load_profile as load_profile,
     save_profile as save_profile,
 )
+from jaxclay.schemes.spline.problem import SplineProblem as SplineProblem
 from jaxclay.scm import RoughShape as RoughShape, rough_shape as rough_shape
 from jaxclay.smooth_clay import SmoothClay as SmoothClay
 from jaxclay.squash import Squash as Squash

@@ -16,12 +16,15 @@ import jax.numpy as jnp
 
 from jaxclay.clay import Array, Material
 from jaxclay.side import Side, edge_tension, move_energy, solve_sides
+from jaxclay.squash import Squash
 
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
 _LEAST = 1e-3  # of a slice: least clay below a band above the bottom
 _CUTS = 40
+_EXACT = 1e-15
 _BESIDE = 4  # kinks to either side of the least that are looked at closely
 _SCANNED = 160  # places at once
+_PLACES, _ROUNDS = 9, 7  # the same where E_move is smooth
 
 
 class Rest(NamedTuple):
@@ -37,6 +40,11 @@ class Rest(NamedTuple):
     thickness: Array
     heights: Array
     r0: Array
+
+    @property
+    def smooth(self) -> bool:
+        """Whether E_move is smooth in the band's place."""
+        return False
 
     @property
     def slices(self) -> int:
@@ -59,6 +67,23 @@ class Rest(NamedTuple):
     def nodes(self) -> Array:
         """(n+1,) u_i = i h."""
         return jnp.arange(self.slices + 1) / self.slices
+
+    def slopes(self) -> Array:
+        """(n,) Y0_u on each slice."""
+        return self.thickness * self.slices
+
+    def least(self) -> Array:
+        """Least share of the clay below a band above the bottom."""
+        return _LEAST / self.slices
+
+    def kinks(self, share: Array, low: Array, high: Array) -> Array:
+        """Lower edges between which E_move of both sides is smooth, in order."""
+        nodes = self.nodes()
+        return jnp.sort(jnp.concatenate([nodes, nodes - share, low[None], high[None]]))
+
+    def imposes(self, band: Band) -> Array:
+        """Whether the band fixes two nodes, and so a radius."""
+        return jnp.sum(band.holds(self.slices)) >= 2
 
 
 class Tool(NamedTuple):
@@ -90,10 +115,15 @@ class Band(NamedTuple):
         return (nodes >= self.lower - slack) & (nodes <= self.upper + slack)
 
 
+def tool_of(squash: Squash, unit: Array) -> Tool:
+    """The squash over l."""
+    return Tool(squash.bottom / unit, squash.top / unit, squash.radius / unit, squash.top_fixed)
+
+
 def sides(rest: Rest, tool: Tool, band: Band) -> tuple[Side, Side]:
     """The clay below and above the band, each seen from the band's edge."""
     nodes = rest.nodes()
-    slope = rest.thickness * rest.slices
+    slope = rest.slopes()
     down, up = jnp.minimum(nodes, band.lower), jnp.maximum(nodes, band.upper)
     below = Side(
         start=band.lower - down[1:],
@@ -123,7 +153,7 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     height = rest.heights[-1]
     density = (tool.radius / rest.r0) ** 2
     # Below it no clay could fill the height under the band.
-    at_bottom = tool.bottom <= _LEAST / rest.slices * height
+    at_bottom = tool.bottom <= rest.least() * height
     tool = tool._replace(bottom=jnp.where(at_bottom, 0.0, tool.bottom))
     share = density * (tool.top - tool.bottom)
     start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
@@ -145,7 +175,7 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     # On the host these are errors; inside a transformation nobody can raise them.
     possible = (tool.bottom < height) & (~tool.top_fixed | ((tool.top < height) & (share < 1)))
     band = Band(lower, upper, tool.bottom, top, feasible & possible)
-    return band._replace(feasible=band.feasible & (jnp.sum(band.holds(rest.slices)) >= 2))
+    return band._replace(feasible=band.feasible & rest.imposes(band))
 
 
 def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
@@ -160,13 +190,13 @@ def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
     deepest = height - (height - tool.top) / material.floor
     held_low = rest.material_at(deepest) - share
     low = jnp.where(tool.top_fixed & (deepest > 0), jnp.maximum(low, held_low), low)
-    low = jnp.maximum(low, _LEAST / rest.slices)
+    low = jnp.maximum(low, rest.least())
     feasible = (low <= high) | ~tool.top_fixed
     return low, jnp.maximum(high, low), feasible
 
 
 def _cheapest(rest, tool, material, place, low, high):
-    """Scan the kinks of the summed E_move, then follow its slope beside the best one."""
+    """The lower edge between low and high that takes the least E_move on both sides together."""
 
     def solved(lower):
         pair = sides(rest, tool, place(lower))
@@ -176,22 +206,53 @@ def _cheapest(rest, tool, material, place, low, high):
         return sum(move_energy(side, material, push) for side, push in solved(lower))
 
     def slope(lower):
-        (below, push_below), (above, push_above) = solved(lower)
-        # Clay that joins one side leaves the other.
-        tension_below = edge_tension(below, material, push_below, rest.slope_at(lower))
-        upper = jnp.clip(place(lower).upper, 0.0, 1.0)
-        tension_above = edge_tension(above, material, push_above, rest.slope_at(upper))
-        return tension_above - tension_below
+        return _slope(rest, material, place, lower, solved(lower))
 
-    nodes = rest.nodes()
-    share = place(low).upper - low
-    kinks = jnp.sort(jnp.concatenate([nodes, nodes - share, low[None], high[None]]))
+    def both(lower):
+        pair = solved(lower)
+        energy = sum(move_energy(side, material, push) for side, push in pair)
+        return energy, _slope(rest, material, place, lower, pair)
+
+    if rest.smooth:
+        return _follow(slope, jax.lax.stop_gradient(_narrowed(jax.vmap(both), low, high)))
+    kinks = rest.kinks(place(low).upper - low, low, high)
     energies = jax.vmap(energy)
     around = jax.lax.stop_gradient(_around_least(energies, kinks, low, high))
     # A minimum may lie on a kink or beside it, and the best kink beside another than the least.
     beside = jax.vmap(lambda left, right: _sign_change(slope, left, right))(around[:-1], around[1:])
     found = jnp.sort(jnp.concatenate([beside, around]))
     return _follow(slope, jax.lax.stop_gradient(found[jnp.argmin(energies(found))]))
+
+
+def _slope(rest, material, place, lower, pair) -> Array:
+    """dE_move/d(lower edge): clay that joins one side leaves the other."""
+    (below, push_below), (above, push_above) = pair
+    tension_below = edge_tension(below, material, push_below, rest.slope_at(lower))
+    upper = jnp.clip(place(lower).upper, 0.0, 1.0)
+    tension_above = edge_tension(above, material, push_above, rest.slope_at(upper))
+    return tension_above - tension_below
+
+
+def _narrowed(energies_and_slopes, low: Array, high: Array) -> Array:
+    """Where a smooth function is least: rounds of equally spaced places.
+
+    The first round goes by the energies, since there may be two minima, the others by
+    the slopes, which locate a minimum more sharply.
+    """
+    last = _PLACES - 1
+
+    def narrow(turn, bounds):
+        low, high = bounds
+        places = low + (high - low) * jnp.arange(_PLACES) / last
+        energies, slopes = energies_and_slopes(places)
+        best = jnp.argmin(energies)
+        rising = jnp.sum(jnp.cumprod(slopes < 0))  # of the first place where energy rises
+        first = jnp.where(turn == 0, jnp.maximum(best - 1, 0), jnp.maximum(rising - 1, 0))
+        after = jnp.where(turn == 0, jnp.minimum(best + 1, last), jnp.minimum(rising, last))
+        return places[first], places[after]
+
+    low, high = jax.lax.fori_loop(0, _ROUNDS, narrow, (low, high))
+    return (low + high) / 2
 
 
 def _around_least(energies, places: Array, low: Array, high: Array) -> Array:
@@ -204,11 +265,12 @@ def _around_least(energies, places: Array, low: Array, high: Array) -> Array:
     last = jnp.searchsorted(places, high, side="right") - 1
     best, most = first, places.shape[0]
     while most > 1:
-        index = first + jnp.arange(_SCANNED) * (last - first) // (_SCANNED - 1)
+        steps = min(_SCANNED, most) - 1
+        index = first + jnp.arange(steps + 1) * (last - first) // steps
         best = index[jnp.argmin(energies(places[index]))]
-        apart = -(-(last - first) // (_SCANNED - 1))
+        apart = -(-(last - first) // steps)
         first, last = jnp.maximum(first, best - apart), jnp.minimum(last, best + apart)
-        most = 2 * -(-most // (_SCANNED - 1)) if most > _SCANNED else 1
+        most = 2 * -(-most // steps) if most > _SCANNED else 1
     before = jnp.searchsorted(places, places[best], side="left") - jnp.arange(_BESIDE, 0, -1)
     after = jnp.searchsorted(places, places[best], side="right") + jnp.arange(_BESIDE)
     at = jnp.concatenate([before, best[None], after])
@@ -218,8 +280,12 @@ def _around_least(energies, places: Array, low: Array, high: Array) -> Array:
 def _sign_change(slope, left: Array, right: Array) -> Array:
     """Where a rising function passes 0: false position, whose stale end is halved (Illinois)."""
 
-    def cut(_, state):
-        left, right, low, high, _ = state
+    def go_on(state):
+        *_, change, cuts = state
+        return (jnp.abs(change) > _EXACT) & (cuts < _CUTS)
+
+    def cut(state):
+        left, right, low, high, last, _, cuts = state
         share = jnp.where(high > low, low / jnp.where(high > low, low - high, -1.0), 0.5)
         middle = left + jnp.where((share > 0) & (share < 1), share, 0.5) * (right - left)
         value = slope(middle)
@@ -230,10 +296,12 @@ def _sign_change(slope, left: Array, right: Array) -> Array:
             jnp.where(falls, value, low / 2),
             jnp.where(falls, high / 2, value),
             middle,
+            jnp.where(value == 0, 0.0, middle - last),
+            cuts + 1,
         )
 
-    state = left, right, slope(left), slope(right), left
-    return jax.lax.fori_loop(0, _CUTS, cut, state)[-1]
+    state = left, right, slope(left), slope(right), left, jnp.full_like(left, jnp.inf), 0
+    return jax.lax.while_loop(go_on, cut, state)[4]
 
 
 def _follow(slope, root: Array) -> Array:

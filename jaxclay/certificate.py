@@ -89,21 +89,11 @@ class Certificate:
     on_floor: Array
 
 
-def friction_limit(problem: Problem) -> Array:
-    """(n+1,) h mu at the free nodes, 0 at the fixed ones."""
-    return jnp.where(problem.free, problem.material.mu / problem.slices, 0.0)
-
-
-def slack(problem: Problem, point: Point) -> Array:
-    """(n,) thickness above the floor."""
-    return point.thickness - problem.floor
-
-
 def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
     """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
     model = local.smooth_model(problem, point)
-    energy_free = model.value + jnp.sum(friction_limit(problem) * jnp.abs(point.shift))
-    limit, tight = friction_limit(problem), touches_floor(problem, point)
+    energy_free = model.value + jnp.sum(problem.friction_limit * jnp.abs(point.shift))
+    limit, tight = problem.friction_limit, touches_floor(problem, point)
     rests = problem.free & (point.shift == 0) & (jnp.abs(model.gradient) < limit)
     factors = factors_at(problem, point, model, rests, tight)
     gate = DECREMENT * jnp.maximum(energy_free, SMALL)
@@ -139,7 +129,7 @@ def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
     Tried are the solver's own; its friction with floor forces read off; and for
     each threshold h mu sign(d) beyond it and -g within, with floor forces read off.
     """
-    d, limit = point.shift, friction_limit(problem)
+    d, limit = point.shift, problem.friction_limit
     own = jnp.clip(forces.friction, -limit, limit)
     thresholds = jnp.asarray((-1.0, -1.0, *_AT_REST))
     keeps = problem.free & ~factors.dropped
@@ -157,7 +147,7 @@ def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
         r = jnp.where(keeps, g + friction - local.to_nodes(floor), 0.0)
         newton = jnp.where(keeps, factors.relaxed(r), 0.0)
         decrement = r @ newton / 2 + jnp.sum(limit * jnp.abs(d) - friction * d)
-        decrement += jnp.sum(floor * slack(problem, point))
+        decrement += jnp.sum(floor * problem.slack(point))
         # Springs may stand in for the floor only where it pushes.
         honest = factors.plain.positive | jnp.all((floor > 0) | ~tight)
         decrement = jnp.where(jnp.isnan(decrement) | ~honest, jnp.inf, decrement)
@@ -198,7 +188,7 @@ def _admissible(problem: Problem, point: Point) -> Array:
     """Whether the shape keeps above the floor, in step with itself and to the tool."""
     # A slice on the floor may lie below it by rounding.
     low = -1e-12 * problem.rest.thickness
-    above_floor = jnp.all(slack(problem, point) >= low) & jnp.all(point.thickness > 0)
+    above_floor = jnp.all(problem.slack(point) >= low) & jnp.all(point.thickness > 0)
     # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
     apart = jnp.diff(problem.rest.heights + point.shift) - point.thickness
     missed = jnp.where(problem.fixed, point.shift - problem.shift, 0.0)
@@ -208,4 +198,4 @@ def _admissible(problem: Problem, point: Point) -> Array:
 
 def touches_floor(problem: Problem, point: Point) -> Array:
     """(n,) loose slices on which the floor may push."""
-    return problem.loose & (slack(problem, point) <= _ON_FLOOR * problem.rest.thickness)
+    return problem.loose & (problem.slack(point) <= _ON_FLOOR * problem.rest.thickness)

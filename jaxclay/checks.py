@@ -6,6 +6,8 @@ import numpy as np
 
 from jaxclay._host import is_concrete
 
+_FINEST, _COARSEST = 1e-9, 0.1  # of a contour's error, over the unit l
+
 
 def check_slices(slices: int) -> None:
     """Raise unless ``slices`` is a whole number of at least 3, the fewest with a bending term."""
@@ -56,3 +58,14 @@ def within(name: str, value, low: float, high: float):
         first = value.reshape(-1)[int(np.argmax(wrong))]
         raise ValueError(f"{name} must lie between {low:g} and {high:g}, got {first:g}")
     return np.clip(value, low, high)
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise unless it is an error of the contour, over the unit l, that can be asked for."""
+    if not is_concrete(tolerance):
+        return
+    if not _FINEST <= as_number("tolerance", tolerance) <= _COARSEST:
+        raise ValueError(
+            f"tolerance must lie between {_FINEST:g}, the least that float64 can give, and "
+            f"{_COARSEST:g}, got {tolerance!r}"
+        )

@@ -57,6 +57,12 @@ def as_function(clay: Clay, tolerance: float = 1e-6) -> Converted:
         The tolerance is not positive.
     """
     check_positive("tolerance", tolerance)
+    smooth = as_smooth(clay, tolerance)
+    return Converted(smooth, contour_error(smooth, clay))
+
+
+def as_smooth(clay: Clay, tolerance: float = 1e-6) -> SmoothClay:
+    """The clay of :func:`as_function`, its error not measured."""
     n, r0, unit = clay.slices, float(clay.r0), float(clay.unit)
     breaks, _ = merged(*interpolated(clay.thickness, clay.heights), r0, unit, tolerance)
     # Second differences of the pieces' heights are rounding noise on fine grids; these are not.
@@ -64,15 +70,22 @@ def as_function(clay: Clay, tolerance: float = 1e-6) -> Converted:
     kept = np.rint(breaks * n).astype(int)
     values = np.stack([clay.heights, p, 4 * n * e])[:, kept]
     control = hermite(np.diff(breaks), tuple(values[:, :-1]), tuple(values[:, 1:]))
-    smooth = SmoothClay(breaks, control, r0, unit)
-    return Converted(smooth, contour_error(smooth, clay))
+    return SmoothClay(breaks, control, r0, unit)
+
+
+def cut(clay: Clay | SmoothClay, slices: int) -> Clay:
+    """The clay in ``slices`` slices, itself if it is; heights are those of the function."""
+    check_slices(slices)
+    if isinstance(clay, Clay) and clay.slices == slices:
+        return clay
+    smooth = as_smooth(clay) if isinstance(clay, Clay) else clay
+    heights = np.asarray(smooth.height_at(np.arange(slices + 1) / slices))
+    return Clay(heights, np.diff(heights), smooth.r0, smooth.unit)
 
 
 def sliced(smooth: SmoothClay, slices: int) -> Converted:
     """Clay of ``slices`` equal volumes whose heights are those of the function."""
-    check_slices(slices)
-    heights = np.asarray(smooth.height_at(np.arange(slices + 1) / slices))
-    clay = Clay(heights, np.diff(heights), smooth.r0, smooth.unit)
+    clay = cut(smooth, slices)
     return Converted(clay, contour_error(clay, smooth))
 
 

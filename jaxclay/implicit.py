@@ -17,11 +17,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay import banded, local
-from jaxclay.certificate import friction_limit, touches_floor
+from jaxclay.certificate import touches_floor
 from jaxclay.clay import Array
 from jaxclay.loop import Outcome, Start, run
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
+from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.schemes.spline.sensitivity import of_splines
 
 _HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
 
@@ -38,6 +40,13 @@ def solve_implicitly(
 def _solve_jvp(method, primals, tangents):
     (problem, start, settings, feasible), change = primals, tangents[0]
     outcome = run(problem, start, settings, feasible, method)
+    rule = of_splines if isinstance(problem, SplineProblem) else _of_heights
+    tangent = jax.tree.map(_no_change, outcome)
+    return outcome, tangent._replace(point=rule(problem, change, outcome))
+
+
+def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
+    """How the minimum's point on the paper's scheme changes with the problem."""
     point = outcome.point
     moving = problem.free & (point.shift != 0)
     tight = touches_floor(problem, point)
@@ -49,15 +58,14 @@ def _solve_jvp(method, primals, tangents):
         shift = jnp.where(problem.fixed, problem.shift, point.shift)
         thickness = problem.rest.thickness + jnp.diff(shift)
         below = local.to_nodes(hold * (thickness - problem.floor))
-        friction = friction_limit(problem) * jnp.sign(point.shift)
+        friction = problem.friction_limit * jnp.sign(point.shift)
         return local.gradient(problem, Point(thickness, shift)) + friction + below
 
     _, rate = jax.jvp(force, (problem,), (change,))
     matrix = banded.masked(bands + local.between_nodes(hold, problem.free), moving)
     step = -banded.solve(banded.factorize(matrix), jnp.where(moving, rate, 0.0))
     shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
-    tangent = jax.tree.map(_no_change, outcome)
-    return outcome, tangent._replace(point=Point(change.rest.thickness + jnp.diff(shift), shift))
+    return Point(change.rest.thickness + jnp.diff(shift), shift)
 
 
 def _no_change(leaf: Array) -> Array:

@@ -6,7 +6,7 @@ out: gradients are 0 there and matrices carry the identity.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,9 +15,11 @@ from jaxclay import banded
 from jaxclay.banded import Factor, Model
 from jaxclay.clay import Array
 from jaxclay.energy import integrate_smooth
-from jaxclay.problem import Problem
 from jaxclay.schemes import paper
 from jaxclay.schemes.paper import Point
+
+if TYPE_CHECKING:
+    from jaxclay.problem import Problem
 
 HALF_BANDWIDTH = 3  # bending couples Y_{i-1} .. Y_{i+2}
 _FINE = 512  # slices from which rounding can hide how the upper end gives way

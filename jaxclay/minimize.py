@@ -10,59 +10,131 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import compiled, in_float64
-from jaxclay.certificate import Certificate, certify
+from jaxclay.certificate import certify
+from jaxclay.checks import check_tolerance
 from jaxclay.clay import Array, Clay, Material
-from jaxclay.energy import Terms
+from jaxclay.conversion import cut
 from jaxclay.implicit import solve_implicitly
 from jaxclay.loop import Outcome
-from jaxclay.methods import METHODS
-from jaxclay.problem import Problem, pose
+from jaxclay.methods.choice import method_settings, spline_settings
+from jaxclay.posing import pose
+from jaxclay.problem import Problem
 from jaxclay.resolution import hidden_by_rounding
 from jaxclay.schemes.paper import Point
+from jaxclay.schemes.spline.host import deform_to_tolerance, minimize_on_mesh
+from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.scm import RoughShape, rough_shape
-from jaxclay.solution import Solution, Status
+from jaxclay.smooth_clay import SmoothClay
+from jaxclay.solution import Solution, Status, Verdict, status_code
 from jaxclay.squash import Squash
 from jaxclay.start import Begin, begin_from, first_start, within
 from jaxclay.window import Piece, minimize_in_window
 
 
 def deform(
-    clay: Clay, squash: Squash, material: Material, method: str = "newton", **settings: Any
+    clay: Clay | SmoothClay,
+    squash: Squash,
+    material: Material,
+    method: str = "newton",
+    *,
+    scheme: str | None = None,
+    tolerance: float | None = None,
+    slices: int | str | None = None,
+    degree: int = 5,
+    elements: int | None = None,
+    **settings: Any,
 ) -> Solution:
     """Squash the clay: pose, rough shape, minimum of E_total.
 
-    Takes what :func:`pose` and :func:`minimize` take and raises what they raise.
+    Parameters
+    ----------
+    clay, squash, material
+        As :func:`pose` takes them.
+    method : str
+        A key of :data:`jaxclay.METHODS`.
+    scheme : str, optional
+        "paper" or "spline"; if not given, "spline" where there is a tolerance.
+    tolerance : float, optional
+        Largest error of the contour, over the unit l, that the answer may have: as few
+        unknowns as that needs are used, and ``error_estimate`` says what was met.
+        With scheme "paper" that takes ``slices="auto"``.
+    slices : int or "auto", optional
+        For the paper's scheme: cut the clay into so many slices first.
+    degree, elements : int, optional
+        Of the splines, see :func:`pose`; a tolerance chooses the elements by itself.
+    **settings
+        The method's own: see ``jaxclay.METHODS[method].settings``.
+
+    Raises
+    ------
+    ValueError
+        What :func:`pose` and :func:`minimize` raise; a tolerance below what float64 can
+        give or out of range; arguments that do not go together.
     """
-    return minimize(pose(clay, squash, material), method, **settings)
+    scheme = _scheme(scheme, tolerance, slices, elements)
+    if tolerance is None:
+        if isinstance(slices, int):
+            clay = cut(clay, slices)
+        count = 8 if elements is None else elements
+        return minimize(pose(clay, squash, material, scheme, degree, count), method, **settings)
+    check_tolerance(tolerance)
+    if scheme == "paper":
+        from jaxclay.auto_slices import deform_on_slices
+
+        return deform_on_slices(clay, squash, material, method, tolerance, settings)
+    chosen = spline_settings(method, settings)
+    return deform_to_tolerance(clay, squash, material, tolerance, degree, chosen, method)
+
+
+def _scheme(scheme, tolerance, slices, elements) -> str:
+    """The scheme meant; raises where arguments do not go together."""
+    if scheme is None:
+        scheme = "paper" if tolerance is None or slices is not None else "spline"
+    if scheme == "spline":
+        if slices is not None:
+            raise ValueError(f'slices={slices!r} belongs to scheme "paper", not to "spline"')
+        if tolerance is not None and elements is not None:
+            raise ValueError("give elements or a tolerance, which chooses them, not both")
+        return scheme
+    if elements is not None:
+        raise ValueError(f'elements={elements!r} belongs to scheme "spline", not to "paper"')
+    if (slices == "auto") != (tolerance is not None):
+        raise ValueError(
+            'on the paper\'s scheme a tolerance takes slices="auto" and slices="auto" a '
+            f"tolerance: got slices={slices!r} and tolerance={tolerance!r}"
+        )
+    if isinstance(slices, str) and slices != "auto":
+        raise ValueError(f'slices must be a whole number or "auto", got {slices!r}')
+    return scheme
 
 
 def minimize(
-    problem: Problem,
+    problem: Problem | SplineProblem,
     method: str = "newton",
     start: Array | Solution | None = None,
     window: str | tuple[float, float] | None = None,
     **settings: Any,
 ) -> Solution:
-    """Minimise E_total over the free heights.
+    """Minimise E_total over the free heights, or a spline's free coefficients.
 
     Inside ``grad`` and its kin the derivative is the minimum's, from the implicit
     function theorem, not the iterations'.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or SplineProblem
         From :func:`pose`.
     method : str
         A key of :data:`jaxclay.METHODS`.
     start : (n+1,) array or Solution, optional
-        Heights to start from, in the clay's length unit; the band's nodes are put
-        where the tool wants them.  Or the answer to a squash close by of the same
-        clay, whose displacements, multipliers and resting nodes are used: that is
-        for dragging a tool.  If not given, the rough shape; on more than 256 slices
-        ``newton`` goes by way of coarser grids.
+        Heights to start from, in the clay's length unit (coefficients (N,) for a
+        spline); what is prescribed is put where the tool wants it.  Or the answer to a
+        squash close by of the same clay, whose displacements, multipliers and resting
+        nodes are used: that is for dragging a tool.  If not given, the rough shape; on
+        more than 256 slices ``newton`` goes by way of coarser grids.
     window : "auto" or (bottom, top), optional
-        Solve for the clay between these heights of the clay before the squash
-        only, or, if "auto", for what the sliced cylinder model moves and some
+        On the paper's scheme, solve for the clay between these heights of the clay before
+        the squash only, or, if "auto", for what the sliced cylinder model moves and some
         more; wider where clay outside turns out to move.  The answer is judged
         as a whole.
     **settings
@@ -71,12 +143,16 @@ def minimize(
     Raises
     ------
     ValueError
-        Unknown method or setting, a setting out of its range, a start of the
-        wrong length, out of order or below the thickness floor, a window that
-        is empty or reaches beyond the clay.
+        Unknown method or setting, a method that does not know the problem's scheme, a
+        setting out of its range, a start of the wrong length, out of order or below the
+        thickness floor, a window that is empty or reaches beyond the clay.
     TypeError
         Inside a JAX transformation while float64 is off.
     """
+    if isinstance(problem, SplineProblem):
+        if window is not None:
+            raise ValueError(f'window={window!r} belongs to scheme "paper", not to "spline"')
+        return minimize_on_mesh(problem, start, spline_settings(method, settings), method)
     chosen = method_settings(method, settings)
     whole = begin_from(problem, start)
     if window is not None:
@@ -100,16 +176,6 @@ class Answer(NamedTuple):
     outcome: Outcome
     levels: Array
     verdict: Verdict
-
-
-class Verdict(NamedTuple):
-    """What the judge makes of an outcome."""
-
-    clay: Clay
-    point: Point
-    terms: Terms
-    certificate: Certificate
-    code: Array
 
 
 @compiled("method")
@@ -149,18 +215,6 @@ def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str)
     return solution_of(problem, Answer(rough, outcome, np.zeros(0, int), verdict), method)
 
 
-def method_settings(method: str, settings: dict[str, Any]) -> Any:
-    """The method's settings, defaults filled in; errors name what is allowed."""
-    if not isinstance(method, str) or method not in METHODS:
-        raise ValueError(f"unknown method {method!r}: choose from {', '.join(METHODS)}")
-    kind = METHODS[method].settings
-    known = [field.name for field in dataclasses.fields(kind)]
-    for name in settings:
-        if name not in known:
-            raise ValueError(f"{method} has no setting {name!r}: it takes {', '.join(known)}")
-    return kind(**settings)
-
-
 @compiled()
 def _judged(problem: Problem, outcome: Outcome, feasible: Array) -> Verdict:
     """The shape, its terms, its certificate and the status code."""
@@ -169,11 +223,8 @@ def _judged(problem: Problem, outcome: Outcome, feasible: Array) -> Verdict:
     terms = problem.terms(point)
     certificate = certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
     finite = outcome.finite & jnp.isfinite(terms.total)
-    code = jnp.where(outcome.finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
-    code = jnp.where(hidden_by_rounding(problem), Status.UNRESOLVED.value, code)
-    code = jnp.where(certificate.accepted, Status.CONVERGED.value, code)
-    code = jnp.where(finite, code, Status.NON_FINITE.value)
-    code = jnp.where(feasible, code, Status.INFEASIBLE.value)
+    hidden = hidden_by_rounding(problem)
+    code = status_code(outcome.finished, certificate.accepted, finite, feasible, hidden)
     accepted = code == Status.CONVERGED.value
     certificate = dataclasses.replace(certificate, accepted=accepted)
     return Verdict(problem.shape(point), point, terms, certificate, code)

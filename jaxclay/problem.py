@@ -1,27 +1,22 @@
-"""Problem: which nodes may move, from which rest shape, under which energy.
-
-    problem = pose(clay, squash, material)
-
-E_total and its terms are functions of the problem and the heights Y_i alone,
-with the radii from eq. 22; all of them can be compiled and differentiated.
-"""
+"""Problem: which nodes may move, from which rest shape, under which energy."""
 
 from __future__ import annotations
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import compiled, in_float64, is_concrete, is_transformed, pytree
-from jaxclay.band import Band, Rest, Tool, locate_band
+from jaxclay import local
+from jaxclay._host import pytree
+from jaxclay.band import Band, Rest, Tool
+from jaxclay.banded import Model
 from jaxclay.clay import Array, Clay, Material, unchecked_clay
 from jaxclay.energy import Samples, Terms, integrate, integrate_smooth
+from jaxclay.local import Stiffness
 from jaxclay.schemes import paper
 from jaxclay.schemes.paper import Point
-from jaxclay.squash import Squash, check_fits
-
-SCHEMES = ("paper",)
 
 
 @pytree
@@ -63,6 +58,13 @@ class Problem:
     def free(self) -> Array:
         """(n+1,) nodes that the minimiser moves."""
         return ~self.fixed
+
+    unknown_name = "heights"
+
+    @property
+    def unknown_shape(self) -> tuple[int, ...]:
+        """Shape of what :func:`jaxclay.total_energy` takes."""
+        return np.shape(self.clay.heights)
 
     @property
     def unknowns(self) -> Array:
@@ -121,119 +123,99 @@ class Problem:
         """E_free without friction: what solvers evaluate most."""
         return integrate_smooth(self._free_samples(point), self.material)
 
+    def room(self) -> tuple[Array, Array]:
+        """Length that a held upper end leaves above the band, and the least that the clay needs."""
+        nodes = np.arange(self.slices + 1) / self.slices
+        edge = np.interp(self.band.upper, nodes, self.rest.heights)
+        top, unit = self.rest.heights[-1], self.clay.unit
+        return (top - self.tool.top) * unit, self.material.floor * (top - edge) * unit
+
+    # What a minimiser needs of any scheme: forces at the unknowns, at the places of friction
+    # and at those of the floor.
+
+    @property
+    def friction_limit(self) -> Array:
+        """(n+1,) h mu at the free nodes, 0 at the fixed ones: the most that friction can hold."""
+        return jnp.where(self.free, self.material.mu / self.slices, 0.0)
+
+    @property
+    def rest_thickness(self) -> Array:
+        """(n,) thickness before the squash."""
+        return self.rest.thickness
+
+    def slack(self, point: Point) -> Array:
+        """(n,) thickness above the floor."""
+        return point.thickness - self.floor
+
+    def moved(self, point: Point, step: Array) -> Point:
+        """The point after every node has moved by ``step``, (n+1,)."""
+        return point.moved(step)
+
+    def shift_change(self, step: Array) -> Array:
+        """(n+1,) by how much a step changes the displacements."""
+        return step
+
+    def thickness_change(self, step: Array) -> Array:
+        """(n,) by how much a step changes the thicknesses."""
+        return jnp.diff(step)
+
+    def from_shift(self, forces: Array) -> Array:
+        """(n+1,) what forces on the displacements do to the free nodes."""
+        return forces
+
+    def from_thickness(self, forces: Array) -> Array:
+        """(n+1,) what forces on the thicknesses do to the free nodes."""
+        return jnp.where(self.free, local.to_nodes(forces), 0.0)
+
+    def total(self, friction: Array, floor: Array) -> Array:
+        """The sum of energies at the nodes (n+1,), of which the first is fixed, and the slices."""
+        return jnp.sum(friction[1:] + floor)
+
+    def smooth_model(self, point: Point) -> Model:
+        """Value, gradient and Hessian of E_free without friction."""
+        return local.smooth_model(self, point)
+
+    def stiffness(
+        self, point: Point, matrix: Array, floor: Array, friction: Array, shift: Array, gauss: Array
+    ) -> Stiffness:
+        """A Hessian's factor with the curvatures of floor and friction added.
+
+        Where ``gauss``, that of Gauss and Newton; ``shift`` times its largest entry is
+        added everywhere.
+        """
+        none = jnp.zeros_like(floor)
+        bend = jax.lax.cond(gauss, lambda: local.radius_curvature(self, point), lambda: none)
+        between = jnp.where(self.loose, floor, 0.0) - bend
+        spread = friction + shift * jnp.max(matrix[0])
+        return local.stiffness(self, point, matrix, between, spread)
+
+    def relaxed(self, stiff: Stiffness, force: Array) -> Array:
+        """(n+1,) H^-1 force."""
+        return local.relaxed(stiff, force)
+
+    def evened(self, point: Point, fraction: Array) -> Point:
+        """The point moved by ``fraction`` towards each side of the band spread evenly.
+
+        Spread evenly between its ends a side is above the floor if it can be at all.
+        """
+        held = self.band.holds(self.slices)
+        upper = jnp.arange(self.slices) >= jnp.argmax(held)
+        change = jnp.zeros_like(point.thickness)
+        for side in (self.loose & ~upper, self.loose & upper):
+            rest = jnp.where(side, self.rest.thickness, 0.0)
+            now = jnp.where(side, point.thickness, 0.0)
+            even = rest * jnp.sum(now) / jnp.maximum(jnp.sum(rest), 1e-300)
+            change += jnp.where(side, fraction * (even - now), 0.0)
+        moved = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change)])
+        return Point(point.thickness + change, point.shift + jnp.where(self.free, moved, 0.0))
+
+    def sent_home(self, point: Point, rests: Array) -> Point:
+        """The point with the nodes that rest, a bool array, exactly where they were."""
+        rests = rests & self.free
+        moved = point.moved(jnp.where(rests, -point.shift, 0.0))
+        shift = jnp.where(rests, 0.0, moved.shift)
+        home = (shift[1:] == 0) & (shift[:-1] == 0) & self.loose
+        return Point(jnp.where(home, self.rest.thickness, moved.thickness), shift)
+
     def _free_samples(self, point: Point) -> Samples:
         return paper.sample_free(paper.sample(self.rest, point), self.free)
-
-
-def pose(clay: Clay, squash: Squash, material: Material, scheme: str = "paper") -> Problem:
-    """Pose a squash: find the material under the tool and fix its nodes (eqs. 10, 11).
-
-    Parameters
-    ----------
-    clay : Clay
-        The shape before the squash, n slices.
-    squash : Squash
-        In the clay's length unit.
-    material : Material
-        Its constants.
-    scheme : str
-        "paper" (eqs. 20-22).
-
-    Raises
-    ------
-    ValueError
-        The band lies above the clay, leaves a held end no room, or holds fewer
-        than two nodes, and so imposes no radius on this grid.
-    TypeError
-        Inside a JAX transformation while float64 is off.
-    """
-    if scheme not in SCHEMES:
-        raise ValueError(f"unknown scheme {scheme!r}: choose from {', '.join(SCHEMES)}")
-    concrete = is_concrete(clay, squash, material)
-    if concrete:
-        check_fits(squash, clay)
-    problem = in_float64("pose", _pose, clay, squash, material)
-    if concrete and not is_transformed(problem):
-        _check_band(problem, squash)
-    return problem
-
-
-def energy_terms(problem: Problem, heights: Array) -> Terms:
-    """The four terms of E_total at heights (n+1,), in the clay's length unit (eq. 9)."""
-    if np.shape(heights) != np.shape(problem.clay.heights):
-        raise ValueError(
-            f"heights must hold one height for each of {problem.slices + 1} nodes: got shape "
-            f"{np.shape(heights)}"
-        )
-    if is_transformed(problem, heights):
-        return problem.terms(problem.point(heights))
-    return in_float64("energy_terms", _terms, problem, heights)
-
-
-def total_energy(problem: Problem, heights: Array) -> Array:
-    """E_total (eq. 9) as a function of the heights Y_i (n+1,), with X_i from eq. 22.
-
-    Called from the host it computes in float64; inside a transformation it
-    follows the dtype of its arguments and can be compiled and differentiated.
-    """
-    return energy_terms(problem, heights).total
-
-
-def strain_energy(problem: Problem, heights: Array) -> Array:
-    """h sum k/2 (Y_u / Y0_u - 1)^2 (eq. 4)."""
-    return energy_terms(problem, heights).strain
-
-
-def friction_energy(problem: Problem, heights: Array) -> Array:
-    """h sum mu |Y_i - Y0_i| (eq. 5)."""
-    return energy_terms(problem, heights).friction
-
-
-def tension_energy(problem: Problem, heights: Array) -> Array:
-    """h sum alpha (X_u^2 + Y_u^2) (eq. 8)."""
-    return energy_terms(problem, heights).tension
-
-
-def bending_energy(problem: Problem, heights: Array) -> Array:
-    """h sum beta (X_uu^2 + Y_uu^2) (eq. 8)."""
-    return energy_terms(problem, heights).bending
-
-
-@compiled()
-def _terms(problem: Problem, heights: Array) -> Terms:
-    return problem.terms(problem.point(heights))
-
-
-@compiled()
-def _pose(clay: Clay, squash: Squash, material: Material) -> Problem:
-    unit = clay.unit
-    rest = Rest(clay.thickness / unit, clay.heights / unit, clay.r0 / unit**1.5)
-    tool = Tool(squash.bottom / unit, squash.top / unit, squash.radius / unit, squash.top_fixed)
-    return placed(clay, rest, tool, material, locate_band(rest, tool, material))
-
-
-def placed(clay: Clay, rest: Rest, tool: Tool, material: Material, band: Band) -> Problem:
-    """The problem of a band that has been located: its nodes fixed where the tool wants them."""
-    held = band.holds(rest.slices)
-    in_band = band.bottom + (rest.r0 / tool.radius) ** 2 * (rest.nodes() - band.lower)
-    shift = jnp.where(held, in_band - rest.heights, 0.0).at[0].set(0.0)
-    ends = jnp.zeros_like(held).at[0].set(True).at[-1].set(tool.top_fixed)
-    return Problem(clay, rest, tool, material, band, held | ends, shift)
-
-
-@compiled()
-def _held(problem: Problem) -> Array:
-    return problem.band.holds(problem.slices)
-
-
-def _check_band(problem: Problem, squash: Squash) -> None:
-    held = in_float64("pose", _held, problem)  # on the host a node on the edge needs float64 too
-    if held.sum() >= 2:
-        return
-    share = float(problem.band.upper - problem.band.lower)
-    raise ValueError(
-        f"the band from {float(squash.bottom):g} to {float(squash.top):g} holds {share:.3g} of "
-        f"the clay, which fixes {held.sum()} of the nodes of {problem.slices} slices and so "
-        f"imposes no radius: use at least {int(np.ceil(2 / share))} slices (2/{share:.3g}) "
-        "or a taller band"
-    )

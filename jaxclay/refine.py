@@ -18,7 +18,8 @@ from jaxclay.clay import Array, unchecked_clay
 from jaxclay.loop import cold, run
 from jaxclay.methods import METHODS
 from jaxclay.methods.base import lifted
-from jaxclay.problem import Problem, placed
+from jaxclay.posing import placed
+from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 from jaxclay.scm import rough_shape
 

@@ -25,6 +25,9 @@ class RoughShape:
     ----------
     heights : (n+1,) array, length
         Y_i of the rough shape.
+    nodes : (n+1,) array
+        Material coordinates u_i of these heights: i/n, or with the scheme "spline"
+        the boundaries of the slices into which the clay was cut.
     point : Point
         The same over l, as solvers hold it.
     reach : float
@@ -46,6 +49,7 @@ class RoughShape:
     """
 
     heights: Array
+    nodes: Array
     point: Point
     reach: Array
     reach_below: Array
@@ -147,6 +151,7 @@ def _describe(problem: Problem, point: Point, pushes: tuple[Push, Push]) -> Roug
     band, nodes, unit = problem.band, _node_band(problem), problem.clay.unit
     return RoughShape(
         heights=problem.shape(point).heights,
+        nodes=problem.rest.nodes(),
         point=point,
         reach=band.upper + above.reach,
         reach_below=band.lower - below.reach,

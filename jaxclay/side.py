@@ -21,8 +21,9 @@ import jax.numpy as jnp
 
 from jaxclay.clay import Array, Material
 
-_BISECTIONS = 24
-_NEWTON_STEPS = 3
+_MOST_STEPS = 60
+_CLOSE = 1e-13
+_LAST_STEPS = 2
 
 
 class Side(NamedTuple):
@@ -86,33 +87,20 @@ class Push(NamedTuple):
 
 
 def solve_side(side: Side, material: Material) -> Push:
-    """The push that displaces the edge by d: bisection, then Newton, exact to rounding."""
+    """The push that displaces the edge by d: Newton within bounds, exact to rounding."""
     rate = material.mu / material.k
-    size = jnp.abs(side.displacement)
-    span = side.span
-    stretchable = jnp.sum(side.slope**2 * side.width)
+    size, span = jnp.abs(side.displacement), side.span
     free_push = rate * span
-    high = _divide(size, stretchable) + free_push  # q >= |d| / stretchable Y0_u^2 throughout
-    cap = jnp.max(jnp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0))
-    high = jnp.where(side.displacement > 0, jnp.maximum(high, cap + free_push), high)
-    low = jnp.zeros_like(high)
+    still = jax.lax.stop_gradient((side, material))
+    root = jax.lax.stop_gradient(_root(*still, *_bounds(*still)))
 
-    def bisect(_, bounds):
-        low, high = bounds
-        middle = (low + high) / 2
-        under = _displaced(side, material, middle) < size
-        return jnp.where(under, middle, low), jnp.where(under, high, middle)
-
-    low, high = jax.lax.fori_loop(0, _BISECTIONS, bisect, (low, high))
-
-    # D is quadratic near its root: Newton finishes, and carries the derivative of sigma.
+    # Two more steps finish, and carry the derivative of sigma.
     def newton(_, sigma):
         sigma = jax.lax.stop_gradient(sigma)
-        excess = _displaced(side, material, sigma) - size
-        growth = jnp.sum(side.slope**2 * _pieces(side, material, sigma).linear)
+        excess, growth = _excess(side, material, sigma)
         return jnp.maximum(sigma - _divide(excess, growth), 0.0)
 
-    sigma = jax.lax.fori_loop(0, _NEWTON_STEPS, newton, (low + high) / 2)
+    sigma = jax.lax.fori_loop(0, _LAST_STEPS, newton, root)
     moves = (size > 0) & (span > 0)
     sigma = jnp.where(moves, sigma, 0.0)
     beyond = sigma > free_push
@@ -129,6 +117,49 @@ def solve_side(side: Side, material: Material) -> Push:
         & jnp.any(_pieces(side, material, sigma).saturated > 0),
         feasible=~side.held | (side.displacement <= room) | (span == 0),
     )
+
+
+def _bounds(side: Side, material: Material) -> tuple[Array, Array]:
+    """A guess of the push, exact for a cylinder above the floor, and an upper bound."""
+    rate, size, span = material.mu / material.k, jnp.abs(side.displacement), side.span
+    stretchable = jnp.sum(side.slope**2 * side.width)
+    even = _divide(size, stretchable)
+    cap = jnp.max(jnp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0))
+    # q >= |d| / stretchable Y0_u^2 throughout
+    high = even + rate * span
+    high = jnp.where(side.displacement > 0, jnp.maximum(high, cap + rate * span), high)
+    falls = jnp.sqrt(2 * rate * even * span)  # to 0 within the side
+    guess = jnp.where(falls < rate * span, falls, even + rate * span / 2)
+    return jnp.minimum(guess, high), high
+
+
+def _root(side: Side, material: Material, guess: Array, high: Array) -> Array:
+    """Where D(sigma) = |d|: Newton, or a bisection where that leaves the bounds."""
+    size = jnp.abs(side.displacement)
+
+    def go_on(state):
+        _, low, high, settled, steps = state
+        return ~settled & (high - low > _CLOSE * high) & (steps < _MOST_STEPS)
+
+    def cut(state):
+        sigma, low, high, _, steps = state
+        excess, growth = _excess(side, material, sigma)
+        settled = jnp.abs(excess) <= _CLOSE * jnp.maximum(size, 1e-3)
+        low, high = jnp.where(excess < 0, sigma, low), jnp.where(excess < 0, high, sigma)
+        step = sigma - _divide(excess, growth, jnp.inf)
+        inside = (step > low) & (step < high)
+        step = jnp.where(inside, step, (low + high) / 2)
+        return jnp.where(settled, sigma, step), low, high, settled, steps + 1
+
+    first = guess, jnp.zeros_like(high), high, jnp.zeros_like(high, bool), 0
+    return jax.lax.while_loop(go_on, cut, first)[0]
+
+
+def _excess(side: Side, material: Material, sigma: Array) -> tuple[Array, Array]:
+    """D(sigma) - |d| and D'(sigma)."""
+    p, squares = _pieces(side, material, sigma), side.slope**2
+    displaced = jnp.sum((p.cap * p.saturated + p.linear * (p.high + p.low) / 2) * squares)
+    return displaced - jnp.abs(side.displacement), jnp.sum(squares * p.linear)
 
 
 def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push]:

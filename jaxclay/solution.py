@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from typing import Any, NamedTuple
 
-import numpy as np
+import jax.numpy as jnp
 
 from jaxclay._host import pytree
 from jaxclay.certificate import Certificate, Forces
@@ -13,8 +14,9 @@ from jaxclay.clay import Array, Clay
 from jaxclay.energy import Terms
 from jaxclay.problem import Problem
 from jaxclay.resolution import resolvable_slices
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.scm import RoughShape
+from jaxclay.smooth_clay import SmoothClay
 
 
 class Status(enum.IntEnum):
@@ -29,6 +31,27 @@ class Status(enum.IntEnum):
 
     def __str__(self) -> str:
         return self.name.lower().replace("_", " ").replace("non finite", "non-finite")
+
+
+class Verdict(NamedTuple):
+    """What the judge makes of an outcome; ``clay`` may be its arrays."""
+
+    clay: Any
+    point: Any
+    terms: Terms
+    certificate: Certificate
+    code: Array
+
+
+def status_code(
+    finished: Array, accepted: Array, finite: Array, feasible: Array, hidden: Array
+) -> Array:
+    """The status of an outcome; ``hidden`` where float64 could not resolve it."""
+    code = jnp.where(finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
+    code = jnp.where(hidden, Status.UNRESOLVED.value, code)
+    code = jnp.where(accepted, Status.CONVERGED.value, code)
+    code = jnp.where(finite, code, Status.NON_FINITE.value)
+    return jnp.where(feasible, code, Status.INFEASIBLE.value)
 
 
 _MEANING = {
@@ -52,8 +75,8 @@ class Solution:
 
     Attributes
     ----------
-    clay : Clay
-        The shape, ready for the next squash.
+    clay : Clay or SmoothClay
+        The shape, ready for the next squash; a function if the scheme is "spline".
     point : Point
         The same over l, as solvers hold it.
     energy, terms : float, Terms
@@ -61,7 +84,8 @@ class Solution:
     iterations : int
         Newton or L-BFGS iterations, greedy's sweeps; on the last grid.
     levels : (g,) int array
-        Iterations on the coarser grids that were solved first, coarse to fine.
+        Iterations on the coarser grids or meshes that were solved first, coarse to fine;
+        where splines adapt to a tolerance, on all meshes.
     certificate : Certificate
         The judge's findings; ``certificate.energy_free`` is E_free.
     forces : Forces
@@ -72,12 +96,12 @@ class Solution:
     method : str
     status_code : int
         See :attr:`status`.
-    error_estimate : None
-        Not known on the paper's scheme.
+    error_estimate : float or None
+        Estimate of the contour's error over l, where a tolerance was asked for.
     """
 
-    clay: Clay
-    point: Point
+    clay: Clay | SmoothClay
+    point: Any
     energy: Array
     terms: Terms
     iterations: Array
@@ -85,19 +109,19 @@ class Solution:
     certificate: Certificate
     forces: Forces
     rough: RoughShape
-    problem: Problem
+    problem: Problem | SplineProblem
     status_code: Array
     error_estimate: Array | None
     method: str = dataclasses.field(metadata={"static": True})
 
     @property
     def heights(self) -> Array:
-        """(n+1,) Y_i, in the clay's length unit."""
+        """(n+1,) Y_i, in the clay's length unit; where pieces meet if the clay is a function."""
         return self.clay.heights
 
     @property
     def unknowns(self) -> Array:
-        """How many heights were free."""
+        """How many heights or coefficients were free."""
         return self.problem.unknowns
 
     @property
@@ -109,6 +133,11 @@ class Solution:
     def message(self) -> str:
         """The status, what it means and what to do."""
         text = f"{self.method}: {self.status}: {_MEANING[self.status]}"
+        if self.status is Status.UNRESOLVED and self.error_estimate is not None:
+            return (
+                f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
+                f"contour's error is {float(self.error_estimate):.2g}. Ask for a larger tolerance"
+            )
         if self.status is Status.UNRESOLVED:
             most = resolvable_slices(self.problem)
             return f"{text}. Use at most {most} slices for this clay and material"
@@ -117,11 +146,7 @@ class Solution:
         return text
 
     def _lack_of_room(self) -> str:
-        problem, unit = self.problem, float(self.clay.unit)
-        nodes = np.arange(problem.slices + 1) / problem.slices
-        upper = np.interp(problem.band.upper, nodes, problem.rest.heights)
-        least = float(problem.material.floor) * float(problem.rest.heights[-1] - upper) * unit
-        room = float(problem.rest.heights[-1] - problem.tool.top) * unit
+        room, least = (float(value) for value in self.problem.room())
         return f"Above top are {room:.6g}, and the clay there needs {least:.6g} at least"
 
     def raise_for_status(self) -> Solution:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import compiled, in_float64, is_concrete, is_transformed
-from jaxclay.certificate import Forces, slack
+from jaxclay.certificate import Forces
 from jaxclay.clay import Array
 from jaxclay.loop import Start
 from jaxclay.methods.base import lifted
@@ -105,4 +105,4 @@ def start_from(problem: Problem, heights: Array) -> Point:
 @compiled()
 def _imposed(problem: Problem, heights: Array) -> tuple[Point, Array]:
     point = problem.imposed(problem.point(heights))
-    return point, slack(problem, point)
+    return point, problem.slack(point)

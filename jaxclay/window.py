@@ -20,7 +20,7 @@ import numpy as np
 from jaxclay import local
 from jaxclay._host import compiled, in_float64, is_transformed
 from jaxclay.band import Rest, Tool
-from jaxclay.certificate import Forces, friction_limit
+from jaxclay.certificate import Forces
 from jaxclay.clay import Array, unchecked_clay
 from jaxclay.loop import Outcome
 from jaxclay.problem import Problem
@@ -161,7 +161,7 @@ def _put_back(problem: Problem, first: Array, part: Outcome) -> tuple[Outcome, A
         within(problem.rest.thickness, part.point.thickness),
         within(jnp.zeros(n + 1), part.point.shift),
     )
-    g, limit = local.gradient(problem, point), friction_limit(problem)
+    g, limit = local.gradient(problem, point), problem.friction_limit
     node = jnp.arange(n + 1)
     below = (first > 0) & (node < first + _EDGE)
     above = (first + size < n) & (node > first + size - _EDGE)

@@ -16,7 +16,6 @@ import numpy as np
 from newton_timing import SAME, Bound, Effort, Part, alternate, spread, table
 
 import jaxclay
-from jaxclay.certificate import slack
 from jaxclay.problem import Problem
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
@@ -152,7 +151,7 @@ def over_population(effort: Effort) -> Part:
         iterations.append(int(solution.iterations))
         if not solution.certificate.accepted:
             refused.append(f"{i} {solution.status}")
-        room = slack(problem, solution.point) / problem.rest.thickness
+        room = problem.slack(solution.point) / problem.rest.thickness
         loose = np.asarray(problem.loose)
         floor_slack = min(floor_slack, float(np.min(np.asarray(room)[loose], initial=np.inf)))
     found = table(

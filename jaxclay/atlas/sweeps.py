@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from jaxclay.clay import Clay, Material
 from jaxclay.compare.scenes import SNAKE_SLICES
-from jaxclay.problem import Problem, pose
+from jaxclay.posing import pose
+from jaxclay.problem import Problem
 from jaxclay.squash import Squash
 
 RADIUS = 0.5

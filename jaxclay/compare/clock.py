@@ -14,7 +14,8 @@ from jaxclay.clay import Clay, Material
 from jaxclay.compare.peers import PEERS, prepare
 from jaxclay.loop import solve
 from jaxclay.minimize import Solution, conclude, method_settings
-from jaxclay.problem import Problem, pose
+from jaxclay.posing import pose
+from jaxclay.problem import Problem
 from jaxclay.scm import RoughShape, rough_shape
 from jaxclay.squash import Squash
 

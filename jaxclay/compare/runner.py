@@ -23,8 +23,8 @@ from jaxclay.compare.clock import Clock
 from jaxclay.compare.peers import PEERS, refusal
 from jaxclay.compare.plan import Job, Plan
 from jaxclay.contour import contour_error
+from jaxclay.energies import total_energy
 from jaxclay.minimize import Solution, minimize
-from jaxclay.problem import total_energy
 
 LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
     "newton": ("tolerance", (1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11, 1e-14)),

@@ -14,7 +14,8 @@ import numpy as np
 
 from jaxclay.clay import Clay, Material
 from jaxclay.minimize import deform
-from jaxclay.problem import Problem, pose
+from jaxclay.posing import pose
+from jaxclay.problem import Problem
 from jaxclay.profiles import PROFILES, load_profile
 from jaxclay.squash import Squash
 

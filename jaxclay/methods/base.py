@@ -10,8 +10,7 @@ import jax.numpy as jnp
 from jaxclay.certificate import Forces
 from jaxclay.checks import as_number
 from jaxclay.clay import Array
-from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.problem import Point, Problem
 
 
 class State(NamedTuple):
@@ -53,6 +52,8 @@ class Method(NamedTuple):
     resume : (problem, start, forces, near, settings) -> State, optional
         ``init`` for a method that gains from starting near: where ``near``, the start is a
         minimum close by, with these forces.
+    splines : bool
+        Whether it knows the scheme "spline" too, and not only nodes.
     """
 
     settings: type
@@ -60,46 +61,21 @@ class Method(NamedTuple):
     step: Callable[[Problem, State, Any], State]
     summary: str
     resume: Callable[[Problem, Point, Forces, Array, Any], State] | None = None
+    splines: bool = False
 
 
 def no_forces(problem: Problem) -> Forces:
     """Zero multipliers."""
-    return Forces(jnp.zeros_like(problem.rest.heights), jnp.zeros_like(problem.rest.thickness))
-
-
-def evened(problem: Problem, point: Point, fraction: Array) -> Point:
-    """The point moved by ``fraction`` towards each side of the band spread evenly.
-
-    Spread evenly between its ends a side is above the floor if it can be at all.
-    """
-    held = problem.band.holds(problem.slices)
-    upper = jnp.arange(problem.slices) >= jnp.argmax(held)
-    change = jnp.zeros_like(point.thickness)
-    for side in (problem.loose & ~upper, problem.loose & upper):
-        rest = jnp.where(side, problem.rest.thickness, 0.0)
-        now = jnp.where(side, point.thickness, 0.0)
-        even = rest * jnp.sum(now) / jnp.maximum(jnp.sum(rest), 1e-300)
-        change += jnp.where(side, fraction * (even - now), 0.0)
-    moved = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change)])
-    return Point(point.thickness + change, point.shift + jnp.where(problem.free, moved, 0.0))
+    return Forces(jnp.zeros_like(problem.friction_limit), jnp.zeros_like(problem.floor))
 
 
 def lifted(problem: Problem, point: Point) -> Point:
     """The point moved no further than needed for every slice to reach the floor."""
-    even = evened(problem, point, 1.0).thickness
+    even = problem.evened(point, 1.0).thickness
     low = problem.loose & (point.thickness < problem.floor)
     gained = jnp.where(low, even - point.thickness, 1.0)
     fraction = jnp.where(low, (problem.floor - point.thickness) / gained, 0.0)
-    return evened(problem, point, jnp.clip(jnp.max(fraction), 0.0, 1.0))
-
-
-def sent_home(problem: Problem, point: Point, rests: Array) -> Point:
-    """The point with the nodes that rest, a bool array, exactly where they were."""
-    rests = rests & problem.free
-    moved = point.moved(jnp.where(rests, -point.shift, 0.0))
-    shift = jnp.where(rests, 0.0, moved.shift)
-    home = (shift[1:] == 0) & (shift[:-1] == 0) & problem.loose
-    return Point(jnp.where(home, problem.rest.thickness, moved.thickness), shift)
+    return problem.evened(point, jnp.clip(jnp.max(fraction), 0.0, 1.0))
 
 
 def check_setting(name: str, value: float, low: float, high: float = float("inf")) -> None:

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 
 from jaxclay import banded, local
-from jaxclay.certificate import friction_limit
 from jaxclay.clay import Array
 from jaxclay.methods.stages import Stage
 from jaxclay.problem import Problem
@@ -81,7 +80,7 @@ def heights(problem: Problem, stage: Stage) -> Coordinates:
 
 def preconditioned(problem: Problem, stage: Stage) -> Coordinates:
     """L^-T of the Hessian where the stage starts, or of Gauss-Newton's if it is not definite."""
-    limit, eps = friction_limit(problem), stage.eps
+    limit, eps = problem.friction_limit, stage.eps
     kink = limit * eps**2 / (stage.base.shift**2 + eps**2) ** 1.5
     curvature = jnp.diag(jnp.where(stage.pinning, 0.0, kink))
     hessian = local.smooth_model(problem, stage.base).bands

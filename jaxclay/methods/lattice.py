@@ -31,7 +31,7 @@ import numpy as np
 from jaxclay._host import is_concrete, pytree
 from jaxclay.clay import Array
 from jaxclay.energy import bending_density, friction_density, strain_density, tension_density
-from jaxclay.methods.base import Method, State, check_setting, no_forces, sent_home
+from jaxclay.methods.base import Method, State, check_setting, no_forces
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point, radii
 
@@ -92,7 +92,7 @@ def step(problem: Problem, state: State, settings: LatticeSettings) -> State:
     point, spacing = state.point, state.memory
     move, _ = best_on_lattice(problem, point, label_steps(problem, point, spacing, settings.labels))
     moved = point.moved(move)
-    moved = sent_home(problem, moved, moved.shift == 0)
+    moved = problem.sent_home(moved, moved.shift == 0)
     here, there = problem.terms(point).total, problem.terms(moved).total
     falls = there < here - _ROUNDING * jnp.abs(here)
     spacing = jnp.where(falls, spacing, spacing / 2)

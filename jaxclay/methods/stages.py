@@ -14,9 +14,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from jaxclay import local
-from jaxclay.certificate import SMALL, friction_limit
+from jaxclay.certificate import SMALL
 from jaxclay.clay import Array
-from jaxclay.methods.base import sent_home
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
@@ -69,7 +68,7 @@ class Stage(NamedTuple):
         """Friction's energy at the free nodes, smoothed or with the signs kept."""
         smoothed = jnp.sqrt(shift**2 + self.eps**2)
         sizes = jnp.where(self.pinning, self.signs * shift, smoothed)
-        return jnp.sum(friction_limit(problem) * sizes)
+        return jnp.sum(problem.friction_limit * sizes)
 
     def penalty(self, problem: Problem, thickness: Array) -> Array:
         """What lying below the floor costs; steeper from rung to rung."""
@@ -90,7 +89,7 @@ class Stage(NamedTuple):
 
         The tolerance of E_free, or while friction is smoothed a share of what that changes.
         """
-        smoothing = self.eps * jnp.sum(friction_limit(problem))
+        smoothing = self.eps * jnp.sum(problem.friction_limit)
         energy = tolerance * jnp.maximum(problem.free_terms(point).total, SMALL)
         return jnp.maximum(energy, jnp.where(self.pinning, 0.0, 1e-2 * smoothing))
 
@@ -103,7 +102,7 @@ def first_stage(start: Point, ladder: tuple[float, ...]) -> Stage:
 
 def next_stage(problem: Problem, point: Point, stage: Stage) -> tuple[Stage, Array]:
     """The next eps; after the last the pins.  Also whether these agree with the forces."""
-    limit, d, rungs = friction_limit(problem), point.shift, stage.ladder.shape[0]
+    limit, d, rungs = problem.friction_limit, point.shift, stage.ladder.shape[0]
     number = stage.number + 1
     g = local.gradient(problem, point)
     rests = jnp.abs(d) <= 10 * stage.ladder[-1]
@@ -113,5 +112,5 @@ def next_stage(problem: Problem, point: Point, stage: Stage) -> tuple[Stage, Arr
     pinned = pinned & problem.free & (number >= rungs)
     agrees = (number > rungs) & jnp.all(pinned == stage.pinned)
     signs = jnp.where(pinned, 0.0, jnp.where(d == 0, -jnp.sign(g), jnp.sign(d)))
-    base = sent_home(problem, point, pinned)
+    base = problem.sent_home(point, pinned)
     return stage._replace(base=base, number=number, signs=signs, pinned=pinned), agrees

@@ -16,7 +16,6 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from jaxclay.certificate import friction_limit
 from jaxclay.clay import Array
 from jaxclay.methods.base import lifted
 from jaxclay.problem import Problem
@@ -65,7 +64,7 @@ def objective(problem: Problem, start: Point, x: Array, eps: Array) -> Array:
     kept = Point(jnp.maximum(point.thickness, floor / 2), point.shift)
     smoothed = jnp.sqrt(point.shift**2 + eps**2) - eps
     penalty = _PENALTY / jnp.sqrt(eps) * problem.material.k / 2 * jnp.sum(below**2)
-    energy = problem.free_smooth(kept) + jnp.sum(friction_limit(problem) * smoothed)
+    energy = problem.free_smooth(kept) + jnp.sum(problem.friction_limit * smoothed)
     return problem.slices * energy + penalty
 
 

@@ -1,0 +1,249 @@
+"""SplineProblem: a squash posed on the scheme "spline"."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxclay import banded, bernstein
+from jaxclay._host import pytree
+from jaxclay.band import Band, Tool
+from jaxclay.banded import Factor, Model
+from jaxclay.clay import Array, Material
+from jaxclay.energy import Terms, integrate, integrate_smooth
+from jaxclay.schemes.spline import bspline
+from jaxclay.schemes.spline.space import Point, Space, sample
+from jaxclay.scm import RoughShape
+from jaxclay.smooth_clay import SmoothClay
+
+
+class Rest(NamedTuple):
+    """The shape before the squash, lengths over the unit l; see :class:`SmoothClay`."""
+
+    breaks: Array
+    control: Array
+    r0: Array
+
+
+@pytree
+@dataclasses.dataclass(frozen=True, eq=False)
+class SplineProblem:
+    """A squash posed on a clay that is a function; lengths inside are over the unit l.
+
+    Attributes
+    ----------
+    clay : SmoothClay
+        The shape before the squash, in its own length unit.
+    rest : Rest
+        The same over l.
+    tool : Tool
+    material : Material
+    band : Band
+        The material that the tool holds.
+    space : Space
+        The splines for the displacement of the free clay.
+    fixed : (N,) bool array
+        Coefficients that are prescribed, or belong to no span.
+    shift : (N,) array
+        Their values, 0 at the others.
+    slopes : (S * 4, 3) array
+        Y0_u, Y0_uu, Y0_uuu at the Gauss points.
+    band_terms : Terms
+        Energies of the clay under the tool.
+    rough : RoughShape
+        What the sliced cylinder model says of the squash.
+    """
+
+    clay: SmoothClay
+    rest: Rest
+    tool: Tool
+    material: Material
+    band: Band
+    space: Space
+    fixed: Array
+    shift: Array
+    slopes: Array
+    band_terms: Terms
+    rough: RoughShape
+
+    @property
+    def free(self) -> Array:
+        """(N,) coefficients that the minimiser moves."""
+        return ~self.fixed
+
+    unknown_name = "coefficients"
+
+    @property
+    def unknown_shape(self) -> tuple[int, ...]:
+        """Shape of what :func:`jaxclay.total_energy` takes."""
+        return np.shape(self.shift)
+
+    @property
+    def unknowns(self) -> Array:
+        """How many."""
+        return self.free.sum()
+
+    @property
+    def loose(self) -> Array:
+        """(S * 4,) Gauss points in spans that have a length."""
+        return self.space.weight > 0
+
+    @property
+    def rest_thickness(self) -> Array:
+        """(S * 4,) Y0_u."""
+        return self.slopes[:, 0]
+
+    @property
+    def floor(self) -> Array:
+        """(S * 4,) least Y_u, 0 in spans without length."""
+        return jnp.where(self.loose, self.material.floor * self.rest_thickness, 0.0)
+
+    @property
+    def friction_limit(self) -> Array:
+        """(S * 6,) weight times mu: the most that friction can hold."""
+        return self.space.friction_weight * self.material.mu
+
+    def point(self, coefficients: Array) -> Point:
+        """The shape of coefficients (N,)."""
+        slopes = self.slopes + self.space.slopes_of(coefficients)
+        return Point(coefficients, self.space.values_of(coefficients), slopes)
+
+    def moved(self, point: Point, step: Array) -> Point:
+        """The point after the coefficients have changed by ``step``, (N,)."""
+        change = self.space.values_of(step), self.space.slopes_of(step)
+        return Point(point.coefficients + step, point.shift + change[0], point.slopes + change[1])
+
+    def slack(self, point: Point) -> Array:
+        """(S * 4,) Y_u above the floor."""
+        return point.thickness - self.floor
+
+    def shift_change(self, step: Array) -> Array:
+        """(S * 6,) by how much a step changes the displacements."""
+        return self.space.values_of(step)
+
+    def thickness_change(self, step: Array) -> Array:
+        """(S * 4,) by how much a step changes Y_u."""
+        return self.space.slopes_of(step)[:, 0]
+
+    def from_shift(self, forces: Array) -> Array:
+        """(N,) what forces (S * 6,) on the displacements do to the free coefficients."""
+        return jnp.where(self.free, self.space.from_values(forces), 0.0)
+
+    def from_thickness(self, forces: Array) -> Array:
+        """(N,) what forces (S * 4,) on Y_u do to the free coefficients."""
+        on_slopes = jnp.pad(forces[:, None], ((0, 0), (0, 2)))
+        return jnp.where(self.free, self.space.from_slopes(on_slopes), 0.0)
+
+    def total(self, friction: Array, floor: Array) -> Array:
+        """The sum of energies at the points of friction and at the Gauss points."""
+        return jnp.sum(friction) + jnp.sum(floor)
+
+    def free_smooth(self, point: Point) -> Array:
+        """E_free without friction."""
+        return integrate_smooth(self._samples(point.slopes), self.material)
+
+    def free_terms(self, point: Point) -> Terms:
+        """E_free's four terms."""
+        terms = integrate(self._samples(point.slopes), self.material)
+        return terms._replace(friction=jnp.sum(self.friction_limit * jnp.abs(point.shift)))
+
+    def terms(self, point: Point) -> Terms:
+        """The energy's four terms, the band's included."""
+        return jax.tree.map(jnp.add, self.free_terms(point), self.band_terms)
+
+    def _samples(self, slopes: Array):
+        weight = self.space.weight
+        return sample(weight, self.rest_thickness, self.rest.r0, slopes)
+
+    def smooth_model(self, point: Point) -> Model:
+        """Value and gradient of E_free without friction; its Hessian by the slopes, (S*4, 3, 3)."""
+
+        def energy(slopes):
+            return integrate_smooth(self._samples(slopes), self.material)
+
+        value, by_slopes = jax.value_and_grad(energy)(point.slopes)
+        slope = jax.grad(energy)
+        columns = [jax.jvp(slope, (point.slopes,), (seed,))[1] for seed in _seeds(point.slopes)]
+        gradient = jnp.where(self.free, self.space.from_slopes(by_slopes), 0.0)
+        return Model(value, gradient, jnp.stack(columns, axis=2))
+
+    def _gauss_newton(self, point: Point) -> Array:
+        """(S*4, 3, 3) the Hessian with the radius' second derivatives left out."""
+
+        def quantities(slopes):
+            s = self._samples(slopes)
+            return jnp.stack([s.stretch, s.X_u, s.Y_u, s.X_uu, s.Y_uu], axis=1)
+
+        m, weight = self.material, self.space.weight
+        columns = [
+            jax.jvp(quantities, (point.slopes,), (seed,))[1] for seed in _seeds(point.slopes)
+        ]
+        jacobian = jnp.stack(columns, axis=2)
+        stiffness = jnp.stack([m.k / 2, m.alpha, m.alpha, m.beta, m.beta])
+        return jnp.einsum(
+            "q,iqa,iqb->iab", 2 * stiffness, jacobian * weight[:, None, None], jacobian
+        )
+
+    def stiffness(
+        self, point: Point, matrix: Array, floor: Array, friction: Array, shift: Array, gauss: Array
+    ) -> Factor:
+        """A Hessian's factor with the curvatures of floor and friction added."""
+        matrix = jax.lax.cond(gauss, lambda: self._gauss_newton(point), lambda: matrix)
+        corner = jnp.zeros((3, 3)).at[0, 0].set(1.0)
+        bands = self.space.stiffness(matrix + floor[:, None, None] * corner, friction)
+        bands = banded.masked(bands, self.free)
+        bands = bands.at[0].add(jnp.where(self.free, shift * jnp.max(bands[0]), 0.0))
+        return banded.factorize(bands)
+
+    def relaxed(self, stiff: Factor, force: Array) -> Array:
+        """(N,) H^-1 force."""
+        return banded.solve(stiff, force)
+
+    def evened(self, point: Point, fraction: Array) -> Point:
+        """The point moved by ``fraction`` towards each side of the band squeezed evenly."""
+        return self.moved(point, fraction * (self.even() - point.coefficients))
+
+    def even(self) -> Array:
+        """(N,) coefficients of a squeeze in proportion: of all clay up to an end that is held.
+
+        Clay up to a free end is moved as one.
+        """
+        band, (breaks, control, _) = self.band, self.rest
+        knots, degree = self.space.knots, self.space.degree
+        start, stop = knots[: self.fixed.shape[0]], knots[degree + 1 :]
+        below, index = stop <= band.lower, jnp.arange(self.fixed.shape[0])
+        share = jnp.where(below, 0.0, band.upper - band.lower)
+        u = jnp.mean(bspline.inner_knots(knots, degree), axis=0) + share
+        ends = jnp.stack([band.lower, band.upper, jnp.ones(())])
+        height = bernstein.evaluate(breaks, control, u, 1)[0]
+        lower, upper, top = bernstein.evaluate(breaks, control, ends, 1)[0]
+        # What the band prescribes of each side's last coefficient is carried on.
+        after = jnp.argmax(jnp.where(below & self.free, index, -1)) + 1
+        before = jnp.argmin(jnp.where(~below & self.free, index, index.shape[0])) - 1
+        above = jnp.where(self.tool.top_fixed, (top - height) / (top - upper), 1.0)
+        squeezed = jnp.where(below, self.shift[after] * height / lower, self.shift[before] * above)
+        return jnp.where(self.fixed | (start == stop), self.shift, squeezed)
+
+    def sent_home(self, point: Point, rests: Array) -> Point:
+        """The point without the coefficients in whose support all clay rests."""
+        spans, width = self.space.spans, self.space.degree + 1
+        moves = (~rests & (self.space.friction_weight > 0)).reshape(spans, -1).any(axis=1)
+        entries = jnp.broadcast_to(moves[:, None], (spans, width)).astype(point.shift.dtype)
+        home = self.free & (bspline.gathered(entries, self.space.degree) == 0)
+        return self.moved(point, jnp.where(home, -point.coefficients, 0.0))
+
+    def room(self) -> tuple[Array, Array]:
+        """Length that a held upper end leaves above the band, and the least that the clay needs."""
+        rest, band = self.rest, self.band
+        edge, top = bernstein.evaluate(*rest[:2], jnp.stack([band.upper, jnp.ones(())]), 1)[0]
+        return (top - self.tool.top) * self.clay.unit, (
+            self.material.floor * (top - edge) * self.clay.unit
+        )
+
+
+def _seeds(slopes: Array) -> list[Array]:
+    return [jnp.zeros_like(slopes).at[:, i].set(1.0) for i in range(3)]

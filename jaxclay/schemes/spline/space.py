@@ -1,0 +1,145 @@
+"""What the energy samples of the splines on a mesh.
+
+On the free clay Y = Y0 + w with w a spline of degree 3 to 5.  Y_u, Y_uu and
+Y_uuu are exact, the radius is X = r0 Y_u^-1/2 (eq. 22 in the limit), so
+
+    X_u  = -r0/2 Y_u^-3/2 Y_uu
+    X_uu =  r0 (3/4 Y_u^-5/2 Y_uu^2 - 1/2 Y_u^-3/2 Y_uuu)
+
+Friction has points of its own, in two cells a span that meet where w changes
+sign: its density has a kink there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay.clay import Array
+from jaxclay.energy import Samples
+from jaxclay.schemes.spline import bspline
+
+GAUSS = 4  # points a span
+_FRICTION = 3  # points in each of a span's two cells
+
+
+class Point(NamedTuple):
+    """A shape, lengths over the unit l.
+
+    Attributes
+    ----------
+    coefficients : (N,) array
+        Of w.
+    shift : (S * 6,) array
+        w = Y - Y0 at the points of friction.
+    slopes : (S * 4, 3) array
+        Y_u, Y_uu and Y_uuu at the Gauss points.
+    """
+
+    coefficients: Array
+    shift: Array
+    slopes: Array
+
+    @property
+    def thickness(self) -> Array:
+        """(S * 4,) Y_u, the thickness of a slice over its share of the clay."""
+        return self.slopes[:, 0]
+
+
+class Space(NamedTuple):
+    """The splines on a mesh, and what of them the energy samples.
+
+    Attributes
+    ----------
+    knots : (S + 2p + 1,) array
+        In v.
+    slopes : (S, 4, 3, p+1) array
+        Derivatives 1 to 3 of each span's basis at its Gauss points.
+    values : (S, 6, p+1) array
+        The basis at the points of friction.
+    weight : (S * 4,) array
+    friction_weight : (S * 6,) array
+        Zero in spans without length.
+    places : (S, 4) array
+        Where the Gauss points are, in v.
+    """
+
+    knots: Array
+    slopes: Array
+    values: Array
+    weight: Array
+    friction_weight: Array
+    places: Array
+
+    @property
+    def degree(self) -> int:
+        """p."""
+        return self.slopes.shape[-1] - 1
+
+    @property
+    def spans(self) -> int:
+        """S, those without length included."""
+        return self.slopes.shape[0]
+
+    def slopes_of(self, coefficients: Array) -> Array:
+        """(S * 4, 3) w_u, w_uu and w_uuu at the Gauss points."""
+        local = bspline.local(coefficients, self.degree)
+        return jnp.einsum("sgoa,sa->sgo", self.slopes, local).reshape(-1, 3)
+
+    def values_of(self, coefficients: Array) -> Array:
+        """(S * 6,) w at the points of friction."""
+        local = bspline.local(coefficients, self.degree)
+        return jnp.einsum("sga,sa->sg", self.values, local).reshape(-1)
+
+    def from_slopes(self, forces: Array) -> Array:
+        """(N,) what forces (S * 4, 3) on the slopes do to the coefficients."""
+        forces = forces.reshape(self.spans, GAUSS, 3)
+        return bspline.gathered(jnp.einsum("sgoa,sgo->sa", self.slopes, forces), self.degree)
+
+    def from_values(self, forces: Array) -> Array:
+        """(N,) what forces (S * 6,) on the values do to the coefficients."""
+        forces = forces.reshape(self.spans, -1)
+        return bspline.gathered(jnp.einsum("sga,sg->sa", self.values, forces), self.degree)
+
+    def stiffness(self, slopes: Array, values: Array) -> Array:
+        """(p+1, N) bands of a Hessian, from (S*4, 3, 3) by the slopes and (S*6,) by the values."""
+        by_slopes = slopes.reshape(self.spans, GAUSS, 3, 3)
+        by_values = values.reshape(self.spans, -1)
+        half = jnp.einsum("sgop,sgpb->sgob", by_slopes, self.slopes)
+        matrices = jnp.einsum("sgoa,sgob->sab", self.slopes, half)
+        matrices += jnp.einsum("sga,sgb->sab", self.values * by_values[..., None], self.values)
+        return bspline.gathered_bands(matrices, self.degree)
+
+
+def space(knots: Array, degree: int, breaks: Array) -> Space:
+    """The splines on these knots; friction's cells meet at ``breaks`` (S,), 0 to 1 in each span."""
+    extracted = bspline.extraction(knots, degree)
+    left, length = bspline.spans(knots, degree)
+    s, weight = bspline.gauss_points(GAUSS)
+    slopes = bspline.basis(extracted, length, degree, jnp.asarray(s), (1, 2, 3))
+    f, friction_weight = bspline.gauss_points(_FRICTION)
+    cut = breaks[:, None]
+    s_friction = jnp.concatenate([cut * f, cut + (1 - cut) * f], axis=1)
+    values = bspline.basis(extracted, length, degree, s_friction, (0,))[:, :, 0]
+    cells = jnp.concatenate([cut * friction_weight, (1 - cut) * friction_weight], axis=1)
+    places = left[:, None] + length[:, None] * s
+    return Space(
+        knots,
+        slopes,
+        values,
+        (length[:, None] * weight).reshape(-1),
+        (length[:, None] * cells).reshape(-1),
+        places,
+    )
+
+
+def sample(weight: Array, rest_slope: Array, r0: Array, slopes: Array) -> Samples:
+    """Samples of the contour from Y_u, Y_uu, Y_uuu (m, 3), without friction."""
+    Y_u, Y_uu, Y_uuu = slopes[:, 0], slopes[:, 1], slopes[:, 2]
+    root = jax.lax.rsqrt(Y_u)
+    inverse = root * root
+    X_u = -r0 / 2 * root * inverse * Y_uu
+    X_uu = r0 * root * inverse * (0.75 * inverse * Y_uu**2 - Y_uuu / 2)
+    return Samples(Y_u / rest_slope, jnp.zeros_like(Y_u), Y_u, X_u, Y_uu, X_uu, weight)
