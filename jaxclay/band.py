@@ -144,8 +144,10 @@ def sides(rest: Rest, tool: Tool, band: Band) -> tuple[Side, Side]:
     return below, above
 
 
-def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
+def locate_band(rest, tool: Tool, material: Material, sides: int = 2) -> Band:
     """The band of least E_move; ties go to the lower one.
+
+    ``sides`` is 1 where the band is known to begin at the bottom.
 
     A free top that the band reaches is swallowed: the band takes all the clay
     above its lower edge and ends where that clay is used up.
@@ -156,9 +158,15 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     at_bottom = tool.bottom <= rest.least() * height
     tool = tool._replace(bottom=jnp.where(at_bottom, 0.0, tool.bottom))
     share = density * (tool.top - tool.bottom)
-    start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
+    start = jnp.zeros(())
+    if sides == 2:
+        start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
     swallows = (start + share >= 1) & ~tool.top_fixed
-    low, high, feasible = _search_range(rest, tool, material, share)
+    if sides == 1:
+        low = high = jnp.zeros(())
+        feasible = jnp.asarray(True)
+    else:
+        low, high, feasible = _search_range(rest, tool, material, share)
 
     def place(lower):
         return Band(lower, lower + share, tool.bottom, tool.top, feasible)
@@ -166,8 +174,10 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
     def search():
         return _cheapest(rest, tool, material, place, low, high)
 
-    searches = ~at_bottom & ~swallows & feasible
-    lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
+    lower = start
+    if sides == 2:
+        searches = ~at_bottom & ~swallows & feasible
+        lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
     upper = jnp.where(swallows, 1.0, jnp.minimum(lower + share, 1.0))
     top = jnp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
     room = material.floor * (height - rest.height_at(upper)) <= height - tool.top
@@ -181,14 +191,14 @@ def locate_band(rest: Rest, tool: Tool, material: Material) -> Band:
 def _search_range(rest: Rest, tool: Tool, material: Material, share: Array):
     """Lower edges that push both sides the same way and leave both sides room."""
     height = rest.heights[-1]
-    one = rest.material_at(tool.bottom)
-    other = rest.material_at(jnp.minimum(tool.top, height)) - share
-    other = jnp.minimum(other, 1 - share)
-    low, high = jnp.minimum(one, other), jnp.maximum(one, other)
     thinnest = tool.bottom / material.floor
-    high = jnp.minimum(high, jnp.where(thinnest < height, rest.material_at(thinnest), 1.0))
     deepest = height - (height - tool.top) / material.floor
-    held_low = rest.material_at(deepest) - share
+    marks = jnp.stack([tool.bottom, jnp.minimum(tool.top, height), thinnest, deepest])
+    one, other, thin, deep = rest.material_at(marks)
+    other = jnp.minimum(other - share, 1 - share)
+    low, high = jnp.minimum(one, other), jnp.maximum(one, other)
+    high = jnp.minimum(high, jnp.where(thinnest < height, thin, 1.0))
+    held_low = deep - share
     low = jnp.where(tool.top_fixed & (deepest > 0), jnp.maximum(low, held_low), low)
     low = jnp.maximum(low, rest.least())
     feasible = (low <= high) | ~tool.top_fixed

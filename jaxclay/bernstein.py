@@ -16,6 +16,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -24,7 +25,7 @@ from jaxclay._host import is_concrete
 Array = Any
 
 DEGREE = 5
-_BISECTIONS, _NEWTON_STEPS = 20, 4  # down to 1e-6 of a piece, then quadratically to rounding
+_BISECTIONS, _NEWTON_STEPS = 12, 5  # down to 1e-4 of a piece, then quadratically to rounding
 
 
 def evaluate(breaks: Array, control: Array, u: Array, orders: int = 4) -> tuple[Array, ...]:
@@ -77,16 +78,28 @@ def solve(breaks: Array, control: Array, heights: Array) -> Array:
     heights = xp.asarray(heights)
     i = _piece_of(xp, heights_at_breaks(control), heights)
     width, c = breaks[i + 1] - breaks[i], control[i]
-    low, high = xp.zeros(heights.shape), xp.ones(heights.shape)
-    for _ in range(_BISECTIONS):
+
+    def halve(_, bounds):
+        low, high = bounds
         s = (low + high) / 2
         under = in_piece(c, width, s, 1)[0] < heights
-        low, high = xp.where(under, s, low), xp.where(under, high, s)
-    s = (low + high) / 2
-    for _ in range(_NEWTON_STEPS):
+        return xp.where(under, s, low), xp.where(under, high, s)
+
+    def newton(_, s):
         y, slope = in_piece(c, width, s, 2)
-        s = xp.clip(s - (y - heights) / (slope * width), 0.0, 1.0)
+        return xp.clip(s - (y - heights) / (slope * width), 0.0, 1.0)
+
+    repeated = _repeated if xp is np else jax.lax.fori_loop
+    bounds = repeated(0, _BISECTIONS, halve, (xp.zeros(heights.shape), xp.ones(heights.shape)))
+    s = repeated(0, _NEWTON_STEPS, newton, (bounds[0] + bounds[1]) / 2)
     return xp.clip(breaks[i] + s * width, 0.0, 1.0)
+
+
+def _repeated(start: int, stop: int, body, carry):
+    """What ``jax.lax.fori_loop`` does, on the host."""
+    for i in range(start, stop):
+        carry = body(i, carry)
+    return carry
 
 
 def least_slope(breaks: np.ndarray, control: np.ndarray) -> tuple[float, float]:

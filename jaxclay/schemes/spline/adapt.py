@@ -18,13 +18,13 @@ from jaxclay import bernstein
 from jaxclay._host import compiled
 from jaxclay.band import Tool
 from jaxclay.clay import Array, Material
-from jaxclay.implicit import solve_implicitly
+from jaxclay.implicit import attached
 from jaxclay.loop import Outcome, Start, cold, run
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.estimate import estimate, near
-from jaxclay.schemes.spline.pose import Squashed, located, meshed
+from jaxclay.schemes.spline.pose import Squashed, located, meshed, on_knots
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.spline.shape import crossings, projected
+from jaxclay.schemes.spline.shape import crossings, displaced, displaced_on, projected
 from jaxclay.schemes.spline.solve import judged
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.solution import Verdict
@@ -35,6 +35,7 @@ _USUAL = 1e-4  # the tolerance that the lengths below are for
 _EDGE, _REACH, _SAG = 0.8, 0.8, 0.5  # first spans, over the layer's thickness and the sag's depth
 _SHARP = 3.0  # reaches over the layer's thickness from which a kink is worth a knot
 _VISIBLE = 0.2  # sag of the radius over the tolerance that is worth spans
+_KINK = 0.1  # effect on the radius of a kink of the rest shape over the tolerance, worth knots
 _ROOM = 0.5  # error of a span over the tolerance that is left alone
 _FAR = 40.0  # the same from which a span is cut in four
 _LOOSE = 0.1  # energy left, relative to E_free, over the tolerance squared
@@ -66,18 +67,18 @@ class Adapted(NamedTuple):
 
 class _Level(NamedTuple):
     inner: Array
-    function: tuple[Array, Array]
+    problem: SplineProblem
+    outcome: Outcome
+    function: tuple[Array, Array]  # the displacement of the estimate, to start from
     number: Array
     levels: Array
     error: Array
     full: Array
+    polishes: Array  # the mesh is fine enough, the answer not yet exact
     done: Array
-    coefficients: Array
-    friction: Array
-    breaks: Array
 
 
-@compiled("degree", "sides", "spans")
+@compiled("degree", "sides", "spans", "kinks", "differentiable")
 def adapted(
     clay: SmoothClay,
     tool: Tool,
@@ -88,80 +89,109 @@ def adapted(
     degree: int,
     sides: int,
     spans: int,
+    kinks: int,
+    differentiable: bool,
 ) -> Adapted:
-    """Solve to a tolerance with at most about ``spans`` spans: one compiled call."""
-    squashed = located(clay, tool, material)
-    last = _levels(*jax.lax.stop_gradient((squashed, tolerance, settings)), degree, sides, spans)
-    problem = meshed(squashed, last.inner, last.breaks, degree, sides)
-    point = problem.point(jnp.where(problem.fixed, problem.shift, last.coefficients))
-    forces = near(problem, point, jnp.asarray(_EPS)).forces._replace(friction=last.friction)
-    start = jax.lax.stop_gradient(Start(point, forces, jnp.asarray(True)))
-    outcome = solve_implicitly(problem, start, settings, squashed.rough.feasible, "newton")
-    levels = last.levels.at[jnp.maximum(last.number - 1, 0)].add(outcome.iterations)
-    total = outcome._replace(iterations=jnp.sum(levels))
+    """Solve to a tolerance with about ``spans`` spans at most: one compiled call.
+
+    Up to ``kinks`` breaks of the rest shape get knots at which the displacement may have a kink.
+    """
+    squashed = located(clay, tool, material, sides)
+    last = _levels(
+        *jax.lax.stop_gradient((squashed, tolerance, settings)), degree, sides, spans, kinks
+    )
+    total = last.outcome._replace(iterations=jnp.sum(last.levels))
+    problem = last.problem
+    if differentiable:  # derivatives do not come out of the loop: its mesh is made again
+        breaks = crossings(displaced(problem.space, total.point.coefficients)[1])
+        problem = meshed(squashed, last.inner, breaks, degree, sides)
+        total = attached(problem, total)
     verdict = judged(problem, total)
-    return Adapted(problem, total, verdict, last.error, levels, last.full)
+    return Adapted(problem, total, verdict, last.error, last.levels, last.full)
 
 
-def _levels(squashed, tolerance, settings, degree, sides, spans) -> _Level:
+def _levels(squashed, tolerance, settings, degree, sides, spans, kinks) -> _Level:
     """Meshes, each refined from the one before, until the estimate is below the tolerance."""
     loose = dataclasses.replace(
         settings, tolerance=_LOOSE * tolerance**2, smoothing=_SMOOTH * tolerance
     )
-    length = mesh.free_length(squashed.band)
 
     def level(now: _Level) -> _Level:
-        knots = mesh.knots(now.inner, squashed.band, degree, sides)
-        breaks = crossings(knots, degree, *now.function)
-        problem = meshed(squashed, now.inner, breaks, degree, sides)
-        start = _start(problem, now.function, now.number)
-        outcome = run(problem, start, loose, jnp.asarray(True), "newton")
-        found = estimate(squashed, problem, outcome.point, tolerance, loose)
-        errors = jnp.where(outcome.finite, found.spans, jnp.inf)
-        error = jnp.max(errors)
-        inner, full = _refined(problem, now.inner, errors / tolerance, length)
-        done = (error <= tolerance) | full | (now.number + 1 >= LEVELS)
-        used = outcome.iterations + found.iterations
-        return _Level(
-            inner=jnp.where(done, now.inner, inner),
-            function=found.function,
-            number=now.number + 1,
-            levels=now.levels.at[now.number].set(used),
-            error=error,
-            full=full & (error > tolerance),
-            done=done,
-            coefficients=outcome.point.coefficients,
-            friction=outcome.forces.friction,
-            breaks=breaks,
+        problem, start = jax.lax.cond(
+            now.polishes,
+            lambda: (now.problem, Start(*now.outcome[:2], jnp.asarray(True))),
+            lambda: _begun(squashed, now, degree, sides),
+        )
+        chosen = jax.tree.map(lambda a, b: jnp.where(now.polishes, a, b), settings, loose)
+        outcome = run(problem, start, chosen, jnp.asarray(True), "newton")
+        now = now._replace(
+            problem=problem,
+            outcome=outcome,
+            levels=now.levels.at[now.number].add(outcome.iterations),
+        )
+        polished = now._replace(done=jnp.asarray(True))
+        return jax.lax.cond(
+            now.polishes, lambda: polished, lambda: _judged(squashed, now, tolerance, loose)
         )
 
-    inner = _first_mesh(squashed, tolerance, sides, spans)
-    shapes = jax.eval_shape(lambda: level(_nothing(squashed, inner, degree, sides)))
-    first = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-    v = jnp.linspace(0.0, 1.0, first.function[0].shape[0]) * length
-    first = first._replace(inner=inner, function=(v, first.function[1]), error=jnp.asarray(jnp.inf))
-    first = first._replace(done=~squashed.rough.feasible)
-    return jax.lax.while_loop(lambda now: ~now.done, level, first)
+    inner = _first_mesh(squashed, tolerance, degree, sides, spans, kinks)
+    return jax.lax.while_loop(
+        lambda now: ~now.done, level, _first(squashed, inner, loose, degree, sides)
+    )
 
 
-def _nothing(squashed: Squashed, inner: Array, degree: int, sides: int) -> _Level:
-    """A level whose displacement is zero, to learn the shapes from."""
-    function = jnp.stack([0.0, mesh.free_length(squashed.band)]), jnp.zeros((1, 6))
-    none, no = jnp.zeros(()), jnp.asarray(False)
+def _first(squashed: Squashed, inner: Array, settings: Any, degree: int, sides: int) -> _Level:
+    """Before the first level: no displacement."""
+    problem = meshed(squashed, inner, None, degree, sides)
+    state = cold(problem, problem.point(problem.even()))
+    none, no = jnp.asarray(0), jnp.asarray(False)
+    outcome = Outcome(state.point, state.forces, none, no, jnp.asarray(True))
+    spans = 2 * problem.space.spans
+    v = jnp.linspace(0.0, 1.0, spans + 1) * mesh.free_length(squashed.band)
+    function = v, jnp.zeros((spans, bernstein.DEGREE + 1))
+    done = ~squashed.rough.feasible
     levels = jnp.zeros(LEVELS, int)
-    return _Level(inner, function, jnp.asarray(0), levels, none, no, no, none, none, none)
+    return _Level(
+        inner, problem, outcome, function, none, levels, jnp.asarray(jnp.inf), no, no, done
+    )
 
 
-def _start(problem: SplineProblem, function: tuple[Array, Array], number: Array) -> Start:
-    """Near the last level's answer; for the first, or where that makes no shape, any shape."""
-    knots, degree = problem.space.knots, problem.space.degree
-    carried = jnp.where(problem.fixed, problem.shift, projected(knots, degree, *function))
-    point = problem.point(carried)
-    usable = jnp.all(jnp.where(problem.loose, problem.slack(point) > 0, True)) & (number > 0)
-    point = jax.tree.map(lambda a, b: jnp.where(usable, a, b), point, problem.point(problem.even()))
+def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
+    """The problem on the level's mesh, and a start near the last level's answer.
+
+    For the first level, or where that answer makes no shape, any shape.
+    """
+    knots = mesh.knots(now.inner, squashed.band, degree, sides)
+    carried = projected(knots, degree, *now.function)
+    breaks = crossings(displaced_on(knots, degree, carried)[1])
+    problem = on_knots(squashed, knots, breaks, degree)
+    point = problem.point(jnp.where(problem.fixed, problem.shift, carried))
+    above = jnp.all(jnp.where(problem.loose, problem.slack(point) > 0, True))
+    usable = above & (now.number > 0)
+    point = problem.point(jnp.where(usable, point.coefficients, problem.even()))
     start = near(problem, point, jnp.asarray(_EPS))
     anew = cold(problem, point)
-    return jax.tree.map(lambda a, b: jnp.where(usable, a, b), start, anew)
+    return problem, jax.tree.map(lambda a, b: jnp.where(usable, a, b), start, anew)
+
+
+def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) -> _Level:
+    """What the estimate says of a level: a finer mesh, or an end."""
+    problem, outcome = now.problem, now.outcome
+    found = estimate(squashed, problem, outcome.point, tolerance, settings)
+    errors = jnp.where(outcome.finite, found.spans, jnp.inf)
+    error = jnp.max(errors)
+    end = mesh.free_length(squashed.band)
+    inner, full = _refined(problem, now.inner, errors / tolerance, end)
+    polishes = (error <= tolerance) | full | (now.number + 1 >= LEVELS)
+    return now._replace(
+        inner=jnp.where(polishes, now.inner, inner),
+        function=found.function,
+        number=jnp.where(polishes, now.number, now.number + 1),
+        levels=now.levels.at[now.number].add(found.iterations),
+        error=error,
+        full=full & (error > tolerance),
+        polishes=polishes,
+    )
 
 
 def _refined(problem: SplineProblem, inner: Array, errors: Array, end: Array):
@@ -178,12 +208,43 @@ def _refined(problem: SplineProblem, inner: Array, errors: Array, end: Array):
     return knots[:count], jnp.sum(knots < end) > count
 
 
-def _first_mesh(squashed: Squashed, tolerance: Array, sides: int, spans: int) -> Array:
+def _first_mesh(
+    squashed: Squashed, tolerance: Array, degree: int, sides: int, spans: int, kinks: int
+) -> Array:
     """(spans,) inner knots."""
     band = squashed.band
-    inner = mesh.graded(band, _density(squashed, tolerance), _COUNT, sides)
     end = mesh.free_length(band)
+    inner = mesh.graded(band, _density(squashed, tolerance), _COUNT, sides)
+    if kinks:
+        inner = jnp.concatenate([inner, _kinks(squashed, tolerance, degree, kinks)])
     return jnp.sort(jnp.concatenate([inner, jnp.broadcast_to(end, spans)]))[:spans]
+
+
+def _kinks(squashed: Squashed, tolerance: Array, degree: int, count: int) -> Array:
+    """(count degree,) knots at the rest shape's worst breaks, repeated as often as they need.
+
+    Bending smooths a jump of Y0_uuu, as old bands leave it, wherever clay moves, so that w
+    has it too: knots repeated p - 2 times let it, p - 1 times without bending and p times
+    without any smoothing.
+    """
+    _, rest, _, material, band, _ = squashed
+    width = jnp.diff(rest.breaks)
+    width = jnp.where(width > 0, width, 1.0)
+    begin = bernstein.in_piece(rest.control, width, jnp.zeros_like(width))
+    end = bernstein.in_piece(rest.control, width, jnp.ones_like(width))
+    at = rest.breaks[1:-1]
+    inside = (at > band.lower) & (at < band.upper)
+    meets = (at < 1) & ~inside
+    slope = jnp.where(meets, begin[1][1:], 1.0)
+    layer = _layer(slope, rest.r0, material)
+    jump = [jnp.abs(b[1:] - e[:-1]) for b, e in zip(begin, end, strict=True)]
+    of_slope = jump[1] + jump[2] * layer / 8 + jump[3] * layer**2 / 32
+    error = rest.r0 / 2 * slope**-1.5 * of_slope
+    error, which = jax.lax.top_k(jnp.where(meets, error, 0.0), min(count, at.shape[0]))
+    place = at[which] - jnp.where(at[which] >= band.upper, band.upper - band.lower, 0.0)
+    times = degree - 2 + jnp.where(material.beta > 0, 0, jnp.where(material.alpha > 0, 1, 2))
+    wanted = (error > _KINK * tolerance)[:, None] & (jnp.arange(degree) < times)
+    return jnp.where(wanted, place[:, None], mesh.free_length(band)).reshape(-1)
 
 
 def _density(squashed: Squashed, tolerance: Array) -> mesh.Density:

@@ -21,7 +21,7 @@ from jaxclay.methods import newton
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.pose import Squashed, on_knots
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.spline.shape import crossings, displaced, projected
+from jaxclay.schemes.spline.shape import crossings, displaced, displaced_on, projected
 from jaxclay.schemes.spline.space import Point
 
 _SAFETY = 2.0
@@ -59,8 +59,10 @@ def estimate(
     middle = jnp.where(length > 0, left + length / 2, knots[-1])
     finer = jnp.sort(jnp.concatenate([knots, middle]))
     function = displaced(problem.space, point.coefficients)
-    fine = on_knots(squashed, finer, crossings(finer, degree, *function), degree)
-    coefficients = jnp.where(fine.fixed, fine.shift, projected(finer, degree, *function))
+    carried = projected(finer, degree, *function)
+    breaks = crossings(displaced_on(finer, degree, carried)[1])
+    fine = on_knots(squashed, finer, breaks, degree)
+    coefficients = jnp.where(fine.fixed, fine.shift, carried)
     start = fine.point(coefficients)
     end, steps = _stepped(fine, start, tolerance, settings)
     change = end.coefficients - start.coefficients

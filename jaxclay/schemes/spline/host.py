@@ -29,7 +29,8 @@ from jaxclay.solution import Solution, Status
 from jaxclay.squash import Squash, check_fits
 
 _PIECES = (16, 48, 144, 432, 1296)  # sizes of rest shapes
-_SPANS = (24, 72, 216, 648)  # and of meshes that adapt
+_SPANS = (24, 96, 384)  # and of meshes that adapt
+_KINKS = 8  # breaks of the rest shape at which meshes that adapt let the displacement kink
 _FOLDED = 48  # pieces above which an answer's are merged,
 _FOLD = 0.02  # to this share of the tolerance, or
 _FOLD_FIXED = 1e-8  # over l where there is none
@@ -77,10 +78,14 @@ def deform_to_tolerance(
     if concrete:
         check_fits(squash, clay)
     smooth, sides = prepared(clay), _sides(squash)
-    for spans in _SPANS if concrete else _SPANS[1:2]:
+    transformed = is_transformed(clay, squash, material, tolerance)
+    plain = not transformed and smooth.pieces == 1
+    kinks = 0 if plain else _KINKS
+    sizes = _SPANS if plain else _SPANS[1:]
+    for spans in sizes if concrete else _SPANS[1:2]:
         answer: Adapted = in_float64(
             "deform", _adapted, smooth, squash, material, tolerance, settings,
-            degree=int(degree), sides=sides, spans=spans,
+            degree=int(degree), sides=sides, spans=spans, kinks=kinks, differentiable=transformed,
         )  # fmt: skip
         if is_transformed(answer) or not answer.full:
             break
@@ -118,15 +123,19 @@ def _sides(squash: Squash) -> int:
 
 @compiled("degree", "elements", "sides")
 def _posed(clay, squash, material, *, degree: int, elements: int, sides: int) -> SplineProblem:
-    squashed = located(clay, tool_of(squash, clay.unit), material)
+    squashed = located(clay, tool_of(squash, clay.unit), material, sides)
     inner = mesh.uniform(squashed.band, elements, sides)
     return meshed(squashed, inner, None, degree, sides)
 
 
-@compiled("degree", "sides", "spans")
-def _adapted(clay, squash, material, tolerance, settings, **sizes: int) -> Adapted:
-    tool = tool_of(squash, clay.unit)
-    return adapted(clay, tool, material, tolerance, settings, **sizes)
+@compiled("degree", "sides", "spans", "kinks", "differentiable")
+def _adapted(
+    clay, squash, material, tolerance, settings, *, degree, sides, spans, kinks, differentiable
+) -> Adapted:
+    return adapted(
+        clay, tool_of(squash, clay.unit), material, tolerance, settings,
+        degree=degree, sides=sides, spans=spans, kinks=kinks, differentiable=differentiable,
+    )  # fmt: skip
 
 
 def _begin(problem: SplineProblem, start: Array | Solution | None) -> Start:

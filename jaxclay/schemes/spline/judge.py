@@ -84,12 +84,11 @@ def _factor(problem: SplineProblem, point: Point, model: Model, lam: Array) -> F
 
     Clay that rests with friction to spare does not move whatever the curvature there.
     """
-    limit, none = problem.friction_limit, jnp.zeros(())
+    limit = problem.friction_limit
     rests = (jnp.abs(point.shift) <= _AT_REST[1]) & (jnp.abs(lam) < limit)
 
     def with_springs(springs):
-        floor, plain = jnp.zeros_like(problem.floor), jnp.asarray(False)
-        return problem.stiffness(point, model.bands, floor, springs, none, plain)
+        return problem.stiffness(point, model.bands, jnp.zeros_like(problem.floor), springs)
 
     plain = with_springs(jnp.zeros_like(limit))
     holds = ~plain.positive & jnp.any(rests)
@@ -102,10 +101,8 @@ def _held(problem: SplineProblem, point: Point, model, lam: Array, z: Array, spr
 
     Method of multipliers: the springs' forces are added up until the points stay.
     """
-    limit, none = problem.friction_limit, jnp.zeros(())
-    stiff = problem.stiffness(
-        point, model.bands, jnp.zeros_like(z), springs, none, jnp.asarray(False)
-    )
+    limit = problem.friction_limit
+    stiff = problem.stiffness(point, model.bands, jnp.zeros_like(z), springs)
 
     def add(_, lam):
         r = model.gradient + problem.from_shift(lam) - problem.from_thickness(z)

@@ -85,12 +85,15 @@ class Squashed(NamedTuple):
     rough: RoughShape
 
 
-def located(clay: SmoothClay, tool: Tool, material: Material) -> Squashed:
-    """Find the band and the rough shape; the tool's lengths are over l."""
+def located(clay: SmoothClay, tool: Tool, material: Material, sides: int) -> Squashed:
+    """Find the band and the rough shape; the tool's lengths are over l.
+
+    ``sides`` is 1 where the band is known to begin at the bottom.
+    """
     unit = clay.unit
     rest = Rest(clay.breaks, clay.control / unit, clay.r0 / unit**1.5)
     slices = _sliced(rest)
-    band = locate_band(slices, tool, material)
+    band = locate_band(slices, tool, material, sides)
     return Squashed(clay, rest, tool, material, band, _rough(slices, tool, material, band, unit))
 
 

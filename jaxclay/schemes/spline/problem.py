@@ -189,14 +189,26 @@ class SplineProblem:
         )
 
     def stiffness(
-        self, point: Point, matrix: Array, floor: Array, friction: Array, shift: Array, gauss: Array
+        self,
+        point: Point,
+        matrix: Array,
+        floor: Array,
+        friction: Array,
+        shift: Array | None = None,
+        gauss: Array | None = None,
     ) -> Factor:
-        """A Hessian's factor with the curvatures of floor and friction added."""
-        matrix = jax.lax.cond(gauss, lambda: self._gauss_newton(point), lambda: matrix)
+        """A Hessian's factor with the curvatures of floor and friction added.
+
+        Where ``gauss``, that of Gauss and Newton; ``shift`` times its largest entry is
+        added everywhere.
+        """
+        if gauss is not None:
+            matrix = jax.lax.cond(gauss, lambda: self._gauss_newton(point), lambda: matrix)
         corner = jnp.zeros((3, 3)).at[0, 0].set(1.0)
         bands = self.space.stiffness(matrix + floor[:, None, None] * corner, friction)
         bands = banded.masked(bands, self.free)
-        bands = bands.at[0].add(jnp.where(self.free, shift * jnp.max(bands[0]), 0.0))
+        if shift is not None:
+            bands = bands.at[0].add(jnp.where(self.free, shift * jnp.max(bands[0]), 0.0))
         return banded.factorize(bands)
 
     def relaxed(self, stiff: Factor, force: Array) -> Array:

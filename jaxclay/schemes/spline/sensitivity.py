@@ -47,7 +47,7 @@ def of_splines(problem: SplineProblem, change: SplineProblem, outcome: Outcome) 
 
     _, rate = jax.jvp(force, (problem,), (change,))
     model = problem.smooth_model(point)
-    factor = problem.stiffness(point, model.bands, hold, springs, jnp.zeros(()), jnp.asarray(False))
+    factor = problem.stiffness(point, model.bands, hold, springs)
     step = -problem.relaxed(factor, jnp.where(problem.free, rate, 0.0))
     coefficients = jnp.where(problem.fixed, change.shift, step)
 

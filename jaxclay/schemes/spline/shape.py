@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from math import comb, factorial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -15,7 +16,7 @@ from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Space
 
-_SECANTS = 6
+_SECANTS = 8
 
 
 def shape(problem: SplineProblem, coefficients: Array) -> tuple[Array, Array]:
@@ -62,40 +63,42 @@ def _breaks(problem: SplineProblem, v: Array, displacement: Array) -> Array:
 
 def displaced(space: Space, coefficients: Array) -> tuple[Array, Array]:
     """The displacement w as breaks (S+1,) in v and Bernstein coefficients (S, 6) of degree 5."""
-    degree = space.degree
-    extracted = bspline.extraction(space.knots, degree)
+    return displaced_on(space.knots, space.degree, coefficients)
+
+
+def displaced_on(knots: Array, degree: int, coefficients: Array) -> tuple[Array, Array]:
+    """The same for knots of which no space has been made."""
+    extracted = bspline.extraction(knots, degree)
     control = jnp.einsum("sja,sa->sj", extracted, bspline.local(coefficients, degree))
-    left, length = bspline.spans(space.knots, degree)
+    left, length = bspline.spans(knots, degree)
     control = jnp.where((length > 0)[:, None], control, 0.0)
     return jnp.append(left, left[-1] + length[-1]), control @ _elevation(degree).T
 
 
-def crossings(knots: Array, degree: int, v: Array, displacement: Array) -> Array:
-    """(S,) where in each span, from 0 to 1, a function like :func:`displaced` changes sign.
+def crossings(control: Array) -> Array:
+    """(S,) where in each span, from 0 to 1, the displacement with this control changes sign.
 
-    One half where it does not.
+    One half where it does not; ``control`` (S, 6) is that of :func:`displaced`.
     """
-    left, length = bspline.spans(knots, degree)
+    turns = control[:, 0] * control[:, -1] < 0
+    one = jnp.ones_like(control[:, 0])
 
-    def value(s):
-        return bernstein.evaluate(v, displacement, left + length * s, 1)[0]
-
-    # Not at the ends: beside a repeated knot that would be the other side's value.
-    low, high = jnp.full_like(left, 1e-6), jnp.full_like(left, 1 - 1e-6)
-    at_low, at_high = value(low), value(high)
-    turns = (at_low * at_high < 0) & (length > 0)
-    for _ in range(_SECANTS):
-        share = at_low / jnp.where(turns, at_low - at_high, 1.0)
-        s = jnp.where(turns, low + share * (high - low), 0.5)
-        there = value(s)
+    def secant(_, ends):
+        low, high, at_low, at_high = ends
+        s = low + at_low / jnp.where(turns, at_low - at_high, 1.0) * (high - low)
+        s = jnp.where(turns, s, 0.5)
+        (there,) = bernstein.in_piece(control, one, s, 1)
         same = there * at_low > 0
         # Illinois: the end that stays counts half.
-        low, at_low, at_high = (
+        return (
             jnp.where(same, s, low),
+            jnp.where(same, high, s),
             jnp.where(same, there, at_low / 2),
             jnp.where(same, at_high / 2, there),
         )
-        high = jnp.where(same, high, s)
+
+    ends = jax.lax.fori_loop(0, _SECANTS, secant, (0 * one, one, control[:, 0], control[:, -1]))
+    s = jnp.where(jnp.abs(ends[2]) < jnp.abs(ends[3]), ends[0], ends[1])
     return jnp.where(turns, jnp.clip(s, 0.02, 0.98), 0.5)
 
 

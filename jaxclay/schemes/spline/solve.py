@@ -51,7 +51,7 @@ def at_crossings(problem, outcome: Outcome, settings, feasible, method) -> tuple
     """Where the displacement changes sign, cells of friction that meet there, and a new solve."""
     knots, degree = problem.space.knots, problem.space.degree
     coefficients = jax.lax.stop_gradient(outcome.point.coefficients)
-    breaks = crossings(knots, degree, *displaced(problem.space, coefficients))
+    breaks = crossings(displaced(problem.space, coefficients)[1])
     crosses = jnp.any(breaks != 0.5) & feasible & outcome.finite
 
     def again():
