@@ -22,7 +22,7 @@ from jaxclay.implicit import attached
 from jaxclay.loop import Outcome, Start, cold, run
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.estimate import estimate, near
-from jaxclay.schemes.spline.pose import Squashed, located, meshed, on_knots
+from jaxclay.schemes.spline.pose import PARTS, Squashed, located, meshed, on_knots
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.shape import crossings, displaced, displaced_on, projected
 from jaxclay.schemes.spline.solve import judged
@@ -35,7 +35,8 @@ _USUAL = 1e-4  # the tolerance that the lengths below are for
 _EDGE, _REACH, _SAG = 0.8, 0.8, 0.5  # first spans, over the layer's thickness and the sag's depth
 _SHARP = 3.0  # reaches over the layer's thickness from which a kink is worth a knot
 _VISIBLE = 0.2  # sag of the radius over the tolerance that is worth spans
-_KINK = 0.1  # effect on the radius of a kink of the rest shape over the tolerance, worth knots
+_STILL = 0.1  # displacement over the tolerance from which the rest shape's breaks are knots
+_KINK = 0.5  # effect on the radius of a kink of the rest shape over the tolerance, worth knots
 _ROOM = 0.5  # error of a span over the tolerance that is left alone
 _FAR = 40.0  # the same from which a span is cut in four
 _LOOSE = 0.1  # energy left, relative to E_free, over the tolerance squared
@@ -216,8 +217,23 @@ def _first_mesh(
     end = mesh.free_length(band)
     inner = mesh.graded(band, _density(squashed, tolerance), _COUNT, sides)
     if kinks:
-        inner = jnp.concatenate([inner, _kinks(squashed, tolerance, degree, kinks)])
+        worst = _kinks(squashed, tolerance, degree, kinks)
+        inner = jnp.concatenate([inner, worst, _inherited(squashed, tolerance)])
     return jnp.sort(jnp.concatenate([inner, jnp.broadcast_to(end, spans)]))[:spans]
+
+
+def _inherited(squashed: Squashed, tolerance: Array) -> Array:
+    """(m-1,) knots at the rest shape's breaks where the sliced cylinder model moves clay.
+
+    A squeeze of a shape with details has details at the same places.
+    """
+    rest, band = squashed.rest, squashed.band
+    shift = jnp.abs(squashed.rough.point.shift[::PARTS])
+    moves = jnp.maximum(shift[:-2], shift[2:]) > _STILL * tolerance
+    at = rest.breaks[1:-1]
+    outside = (at < 1) & ((at <= band.lower) | (at >= band.upper))
+    place = at - jnp.where(at >= band.upper, band.upper - band.lower, 0.0)
+    return jnp.where(moves & outside, place, mesh.free_length(band))
 
 
 def _kinks(squashed: Squashed, tolerance: Array, degree: int, count: int) -> Array:

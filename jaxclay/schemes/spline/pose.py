@@ -18,7 +18,7 @@ from jaxclay.scm import RoughShape
 from jaxclay.side import slope_change, solve_sides
 from jaxclay.smooth_clay import SmoothClay
 
-_PARTS = 4  # slices that a piece of the rest shape is cut into for the sliced cylinder model
+PARTS = 4  # slices that a piece of the rest shape is cut into for the sliced cylinder model
 _LEAST = 1e-6  # share of the clay below a band above the bottom
 _CELLS = 8  # of the band, for its energy
 
@@ -128,7 +128,7 @@ def on_knots(squashed: Squashed, knots: Array, breaks: Array | None, degree: int
 
 def _sliced(rest: Rest) -> Sliced:
     """The rest shape, each piece cut into a few slices of equal share."""
-    s = jnp.arange(_PARTS) / _PARTS
+    s = jnp.arange(PARTS) / PARTS
     width = jnp.diff(rest.breaks)
     places = (rest.breaks[:-1, None] + width[:, None] * s).reshape(-1)
     (heights,) = bernstein.in_piece(rest.control[:, None], width[:, None], s[None], 1)

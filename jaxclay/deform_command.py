@@ -1,0 +1,191 @@
+"""``jaxclay deform``: squash a profile and write the new one."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jaxclay
+from jaxclay.contour import polyline
+
+_TOLERANCE = 1e-4
+_SLICES = 64
+_MOST_SLICES = 1024  # some methods are dense
+_MOST_BANDED = 65_536
+
+
+def add_to(commands, interrupt: Callable[[], None]) -> None:
+    """Add the command; ``interrupt`` raises where Ctrl-C was pressed."""
+    deform = commands.add_parser(
+        "deform",
+        help="squash a profile and write the new one",
+        description="Squash a profile, several times in succession if asked, and write its contour "
+        "as CSV.",
+    )
+    deform.add_argument(
+        "profile", help=f"{', '.join(jaxclay.PROFILES)}, or a CSV file with height,radius"
+    )
+    deform.add_argument(
+        "--squash", action="append", required=True, metavar="BOTTOM:TOP:RADIUS",
+        help="in the profile's length unit; repeat it for a succession",
+    )  # fmt: skip
+    deform.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    deform.add_argument("--plot", type=Path, help="picture to write (PNG, SVG, PDF)")
+    deform.add_argument(
+        "--tolerance", type=float, metavar="T",
+        help="largest error of the contour, over the height of the first piece (default 1e-4): as "
+        "few unknowns as that needs are used",
+    )  # fmt: skip
+    deform.add_argument(
+        "--slices", type=int, metavar="N",
+        help="the paper's scheme on so many slices, instead of a tolerance",
+    )  # fmt: skip
+    deform.add_argument(
+        "--method",
+        help=f"for the paper's scheme, one of {', '.join(jaxclay.METHODS)} (default newton)",
+    )
+    deform.add_argument("--svg", type=Path, help="outline to write, in millimetres")
+    deform.add_argument(
+        "--millimetres", type=float, default=100.0, metavar="MM",
+        help="of the SVG, for one length unit of the profile (default 100)",
+    )  # fmt: skip
+    deform.add_argument("--top-fixed", action="store_true", help="hold the clay's upper end")
+    for name in ("k", "mu", "alpha", "beta"):
+        deform.add_argument(f"--{name}", type=float, default=1.0, help="default 1")
+    deform.add_argument(
+        "--units", choices=("snake", "printed"), default="snake",
+        help="of alpha and beta: raw differences of 64 slices (default), or as printed (eq. 21)",
+    )  # fmt: skip
+    add_minimum_radius(deform)
+    deform.set_defaults(run=lambda options: _deform(options, interrupt))
+
+
+def add_minimum_radius(command) -> None:
+    """Add --minimum-radius to a command that reads profiles."""
+    command.add_argument(
+        "--minimum-radius", type=float, metavar="R", help="raise smaller radii of CSV profiles to R"
+    )
+
+
+def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
+    squashes = [parse_squash(text, options.top_fixed) for text in options.squash]
+    make = jaxclay.Material.from_snake_units if options.units == "snake" else jaxclay.Material
+    material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
+    chosen = _chosen(options)
+    _check_targets(options.out, options.plot, options.svg)
+    clay = jaxclay.load_profile(options.profile, options.slices, options.minimum_radius)
+    if options.method is not None and isinstance(clay, jaxclay.SmoothClay):
+        clay = clay.sliced(_SLICES).clay
+    solution = None
+    for text, squash in zip(options.squash, squashes, strict=True):
+        interrupt()
+        solution = jaxclay.deform(clay, squash, material, **chosen)
+        if solution.status in (jaxclay.Status.INFEASIBLE, jaxclay.Status.NON_FINITE):
+            raise ValueError(f"--squash {text}: {solution.message}")
+        print(describe(text, solution))
+        clay = solution.clay
+    assert solution is not None  # --squash is required
+    _write(solution, options)
+    written = filter(None, (options.out, options.plot, options.svg))
+    print("wrote " + " and ".join(str(path) for path in written))
+    return 0
+
+
+def _chosen(options: argparse.Namespace) -> dict[str, Any]:
+    """What deform is asked for: a tolerance, or the paper's scheme on slices."""
+    if options.slices is None and options.method is None:
+        return {"tolerance": _TOLERANCE if options.tolerance is None else options.tolerance}
+    if options.tolerance is not None:
+        raise ValueError("--tolerance goes without --slices and --method: give one or the other")
+    method = options.method or "newton"
+    most = _MOST_BANDED if method == "newton" else _MOST_SLICES
+    if options.slices is not None and options.slices > most:
+        raise ValueError(f"slices must be at most {most} with {method}, got {options.slices}")
+    return {"method": method}
+
+
+def _check_targets(*targets: Path | None) -> None:
+    """Raise before anything is solved if the files (CSV, picture, SVG) cannot be written."""
+    for target in filter(None, targets):
+        if target.is_dir():
+            raise ValueError(f"{target} is a folder: name a file in it")
+        if not target.absolute().parent.is_dir():
+            raise ValueError(f"no folder {target.absolute().parent} to write {target.name} into")
+    names = [target.absolute() for target in targets if target is not None]
+    if len(set(names)) < len(names):
+        raise ValueError(
+            f"two of --out, --plot and --svg name the same file, {names[0]}: name one for each"
+        )
+    plot = targets[1]
+    if plot is None:
+        return
+    from jaxclay import plots
+
+    if plot.suffix.lower() not in plots.FORMATS:
+        raise ValueError(f"--plot {plot}: the name must end in {', '.join(plots.FORMATS)}")
+
+
+def _write(solution: jaxclay.Solution, options: argparse.Namespace) -> None:
+    """Write all files, or none: each appears when the last has been made."""
+    from contextlib import ExitStack
+
+    from jaxclay.profiles import replacing
+
+    with ExitStack() as files:
+        if options.plot is not None:
+            from jaxclay import plots
+
+            plots.save(solution, files.enter_context(replacing(options.plot)))
+        if options.svg is not None:
+            path = files.enter_context(replacing(options.svg))
+            jaxclay.save_svg(solution.clay, path, options.millimetres)
+        jaxclay.save_profile(solution.clay, options.out)
+
+
+def parse_squash(text: str, top_fixed: bool = False) -> jaxclay.Squash:
+    """A squash from BOTTOM:TOP:RADIUS.
+
+    Raises
+    ------
+    ValueError
+        Not three numbers, or not a squash.
+    """
+    parts = text.split(":")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise ValueError(f"--squash {text!r} is not BOTTOM:TOP:RADIUS, three numbers, as 0:0.3:0.4")
+    return jaxclay.Squash(*numbers, top_fixed=top_fixed)
+
+
+def describe(text: str, solution: jaxclay.Solution) -> str:
+    """What a squash did, in a few lines."""
+    rough, certificate, terms = solution.rough, solution.certificate, solution.terms
+    case = f"case {rough.case}" + (
+        f", below {rough.case_below}" if rough.case_below != "none" else ""
+    )
+    clay = solution.clay
+    smooth = isinstance(clay, jaxclay.SmoothClay)
+    radii = polyline(clay)[1:-1, 0] if smooth else clay.radii
+    accuracy = ""
+    if solution.error_estimate is not None:
+        accuracy = f", {int(solution.unknowns)} unknowns, contour within "
+        accuracy += f"{float(solution.error_estimate):.1e} of the height"
+    floor = ", thickness floor active" if certificate.on_floor or rough.floored else ""
+    return "\n".join(
+        (
+            f"squash {text}: {case}{floor}, {solution.status} after {int(solution.iterations)} "
+            f"iterations of {solution.method}{accuracy}",
+            f"  band {float(rough.bottom):.6g} to {float(rough.top):.6g}, "
+            f"reach u1 = {float(rough.reach):.4g}",
+            f"  E_total {float(solution.energy):.8g} = strain {float(terms.strain):.4g} + friction "
+            f"{float(terms.friction):.4g} + tension {float(terms.tension):.4g} + bending "
+            f"{float(terms.bending):.4g}; can still gain {float(certificate.decrement):.1e}",
+            f"  height {float(solution.clay.height):.6g}, radius {float(radii.min()):.6g} to "
+            f"{float(radii.max()):.6g}, volume {float(solution.clay.volume):.8g}",
+        )
+    )

@@ -1,0 +1,171 @@
+"""Scheme "spline": splines against SciPy's, energies against the paper's scheme, published orders.
+
+The energy of the reference scene in the continuum, 2.55342007, is model.md's, to which
+the paper's scheme tends too: test_the_papers_scheme_tends_to_the_same_energy checks it.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
+from scipy.interpolate import BSpline
+
+import jaxclay
+from jaxclay.schemes.spline import bspline
+
+CONTINUUM = 2.55342007
+CYLINDER = jaxclay.Clay.cylinder()
+
+
+def minimum(squash=REFERENCE, material=PRINTED, clay=CYLINDER, **sizes):
+    solution = jaxclay.minimize(jaxclay.pose(clay, squash, material, scheme="spline", **sizes))
+    assert solution.status is jaxclay.Status.CONVERGED, solution.message
+    return solution
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    degree=st.sampled_from([3, 4, 5]),
+    inner=st.lists(st.floats(0.05, 0.95), min_size=6, max_size=6),
+    seed=st.integers(0, 1000),
+)
+def test_samples_are_those_of_scipys_splines(degree, inner, seed):
+    inner = np.round(np.sort(inner), 2)
+    inner[1] = inner[0]  # a repeated knot
+    knots = np.concatenate([np.zeros(degree + 1), inner, np.ones(degree + 1)])
+    coefficients = np.random.default_rng(seed).normal(size=len(knots) - degree - 1)
+    s = np.array([0.1, 0.5, 0.9])
+    with jax.enable_x64(True):
+        left, length = bspline.spans(jnp.asarray(knots), degree)
+        extracted = bspline.extraction(jnp.asarray(knots), degree)
+        basis = bspline.basis(extracted, length, degree, jnp.asarray(s), (0, 1))
+        local = bspline.local(jnp.asarray(coefficients), degree)
+        values = np.asarray(jnp.einsum("sgoa,sa->sgo", basis, local))
+    filled = np.asarray(length) > 0
+    u = (np.asarray(left)[:, None] + np.asarray(length)[:, None] * s)[filled]
+    spline = BSpline(knots, coefficients, degree)
+    np.testing.assert_allclose(values[filled][..., 0], spline(u), rtol=0, atol=1e-12)
+    h = 1e-7 * np.asarray(length)[filled][:, None]
+    slope = (spline(u + h) - spline(u - h)) / (2 * h)
+    np.testing.assert_allclose(values[filled][..., 1], slope, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("degree", "elements", "unknowns", "error"),
+    [(3, 8, 8, 6.7e-3), (4, 4, 5, 1.3e-3), (5, 4, 6, 3.0e-5), (5, 8, 10, 5.2e-7)],
+)
+def test_published_energy_errors(degree, elements, unknowns, error):
+    solution = minimum(degree=degree, elements=elements)
+    assert int(solution.unknowns) == unknowns
+    assert float(solution.energy) - CONTINUUM == pytest.approx(error, rel=0.05)
+
+
+def test_the_papers_scheme_tends_to_the_same_energy():
+    coarse, fine = (
+        jaxclay.deform(jaxclay.Clay.cylinder(slices=n), REFERENCE, PRINTED) for n in (256, 512)
+    )
+    extrapolated = 2 * float(fine.energy) - float(coarse.energy)
+    assert float(minimum(elements=16).energy) == pytest.approx(extrapolated, abs=3e-4)
+
+
+@pytest.mark.parametrize("squash", [REFERENCE, MIDDLE, jaxclay.Squash(0.0, 0.3, 0.6)])
+def test_conditions_at_the_bands_edge(squash):
+    """The contour meets the band with its radius, and with bending with no slope."""
+    clay = minimum(squash, elements=8).clay
+    top, unit = float(squash.top), 1e-7
+    assert clay.radius_at(top - unit) == pytest.approx(float(squash.radius), abs=1e-6)
+    assert clay.radius_at(top + unit) == pytest.approx(float(squash.radius), abs=1e-6)
+    u = float(clay.material_at(top))
+    for order in (1, 2):
+        before, after = (float(clay.derivatives(u + d)[order]) for d in (-1e-9, 1e-9))
+        assert before == pytest.approx(after, abs=1e-4)
+
+
+def test_what_the_spline_gives_is_no_higher_than_any_function_of_its_kind():
+    """The energy is least: random changes of the coefficients raise it."""
+    solution = minimum(MIDDLE, SNAKE, elements=8)
+    problem, best = solution.problem, float(solution.energy)
+    rng = np.random.default_rng(0)
+    free = np.asarray(problem.free)
+    for size in (1e-3, 1e-4, 1e-5):
+        change = size * rng.normal(size=free.shape) * free
+        energy = jaxclay.total_energy(problem, solution.point.coefficients + change)
+        assert float(energy) > best
+
+
+def test_volume_and_height_of_the_answer():
+    clay = minimum(MIDDLE, SNAKE).clay
+    y = np.linspace(0, float(clay.height), 20_001)
+    volume = np.pi * np.trapezoid(clay.radius_at(y) ** 2, y)
+    assert volume == pytest.approx(float(clay.volume), rel=1e-6)
+
+
+def test_a_scene_scaled_by_300_gives_300_times_the_heights_and_the_same_energy():
+    small = minimum(elements=8)
+    big = minimum(
+        jaxclay.Squash(0.0, 300 * 0.29296875, 120.0), clay=jaxclay.Clay.cylinder(150.0, 300.0)
+    )
+    assert float(big.energy) == pytest.approx(float(small.energy), rel=1e-9)
+    np.testing.assert_allclose(
+        big.clay.height_at(np.linspace(0, 1, 50)),
+        300 * small.clay.height_at(np.linspace(0, 1, 50)),
+        rtol=1e-9,
+        atol=1e-9,
+    )
+
+
+def test_the_answer_follows_the_tool_smoothly():
+    """On the paper's scheme d(heights)/d(top) is zero between jumps; here it is right."""
+
+    def height(top):
+        squash = jaxclay.Squash(0.0, top, 0.4)
+        problem = jaxclay.pose(CYLINDER, squash, PRINTED, scheme="spline", elements=4)
+        return jaxclay.minimize(problem).clay.height
+
+    with jax.enable_x64(True):
+        rate = float(jax.jit(jax.grad(height))(0.3))
+    step = 1e-4
+    slope = (float(height(0.3 + step)) - float(height(0.3 - step))) / (2 * step)
+    assert rate == pytest.approx(slope, rel=1e-4)
+    assert abs(rate) > 0.1
+
+
+def test_no_squash_leaves_clay_that_holds_itself_where_it_is():
+    squash = jaxclay.Squash(0.2, 0.5, 0.5)
+    material = jaxclay.Material(alpha=0.0, beta=1e-6)
+    solution = minimum(squash, material)
+    np.testing.assert_allclose(solution.clay.height_at(np.linspace(0, 1, 9)), np.linspace(0, 1, 9),
+                               rtol=0, atol=1e-12)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"tolerance": 1e-14}, "float64"),
+        ({"tolerance": 1e-4, "degree": 6}, "degree must be 3, 4 or 5"),
+        ({"scheme": "spline", "degree": 2}, "degree must be 3, 4 or 5"),
+        ({"scheme": "spline", "elements": 0}, "elements"),
+        ({"tolerance": 1e-4, "elements": 8}, "not both"),
+        ({"tolerance": 1e-4, "scheme": "paper"}, 'slices="auto"'),
+        ({"slices": "auto"}, "tolerance"),
+        ({"scheme": "cubic"}, "choose from paper, spline"),
+        ({"scheme": "spline", "method": "greedy"}, "choose from newton"),
+        ({"scheme": "spline", "window": "auto"}, "window"),
+    ],
+)
+def test_bad_settings_get_one_clear_error(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        jaxclay.deform(CYLINDER, REFERENCE, PRINTED, **arguments)
+
+
+def test_a_function_does_not_go_into_the_papers_scheme_unsliced():
+    smooth = CYLINDER.as_function().clay
+    with pytest.raises(ValueError, match="sliced"):
+        jaxclay.pose(smooth, REFERENCE, PRINTED)
