@@ -130,7 +130,7 @@ def _first_grid(posed, clay: SmoothClay, squash: Squash, method: str) -> tuple[i
     share = float(squash.radius) ** 2 * float(squash.top - squash.bottom) / float(clay.r0) ** 2
     if squash.bottom < clay.height:
         share = min(share, 1 - float(clay.material_at(squash.bottom)))
-    doublings = math.ceil(math.log2(max(_IN_BAND / share / _COARSEST, 1.0)))
+    doublings = math.ceil(math.log2(max(_IN_BAND / max(share, 1 / _MOST) / _COARSEST, 1.0)))
     most = _MOST if method == "newton" else _MOST_BY_OTHERS
     slices = min(_COARSEST * 2**doublings, most // 2)
     limit = min(most, resolvable_slices(posed(slices)))
