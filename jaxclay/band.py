@@ -120,7 +120,7 @@ def tool_of(squash: Squash, unit: Array) -> Tool:
     return Tool(squash.bottom / unit, squash.top / unit, squash.radius / unit, squash.top_fixed)
 
 
-def sides(rest: Rest, tool: Tool, band: Band) -> tuple[Side, Side]:
+def sides(rest, tool: Tool, band: Band) -> tuple[Side, Side]:
     """The clay below and above the band, each seen from the band's edge."""
     nodes = rest.nodes()
     slope = rest.slopes()

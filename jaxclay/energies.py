@@ -12,11 +12,10 @@ import numpy as np
 from jaxclay._host import compiled, in_float64, is_transformed
 from jaxclay.clay import Array
 from jaxclay.energy import Terms
-from jaxclay.problem import Problem
-from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.methods.base import AnyProblem
 
 
-def energy_terms(problem: Problem | SplineProblem, unknowns: Array) -> Terms:
+def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
     """The four terms of E_total (eq. 9)."""
     expected = problem.unknown_shape
     if np.shape(unknowns) != expected:
@@ -28,7 +27,7 @@ def energy_terms(problem: Problem | SplineProblem, unknowns: Array) -> Terms:
     return in_float64("energy_terms", _terms, problem, unknowns)
 
 
-def total_energy(problem: Problem | SplineProblem, unknowns: Array) -> Array:
+def total_energy(problem: AnyProblem, unknowns: Array) -> Array:
     """E_total (eq. 9) as a function of the heights Y_i, or of a spline's coefficients.
 
     Called from the host it computes in float64; inside a transformation it
@@ -37,26 +36,26 @@ def total_energy(problem: Problem | SplineProblem, unknowns: Array) -> Array:
     return energy_terms(problem, unknowns).total
 
 
-def strain_energy(problem: Problem | SplineProblem, unknowns: Array) -> Array:
+def strain_energy(problem: AnyProblem, unknowns: Array) -> Array:
     """h sum k/2 (Y_u / Y0_u - 1)^2 (eq. 4)."""
     return energy_terms(problem, unknowns).strain
 
 
-def friction_energy(problem: Problem | SplineProblem, unknowns: Array) -> Array:
+def friction_energy(problem: AnyProblem, unknowns: Array) -> Array:
     """h sum mu |Y_i - Y0_i| (eq. 5)."""
     return energy_terms(problem, unknowns).friction
 
 
-def tension_energy(problem: Problem | SplineProblem, unknowns: Array) -> Array:
+def tension_energy(problem: AnyProblem, unknowns: Array) -> Array:
     """h sum alpha (X_u^2 + Y_u^2) (eq. 8)."""
     return energy_terms(problem, unknowns).tension
 
 
-def bending_energy(problem: Problem | SplineProblem, unknowns: Array) -> Array:
+def bending_energy(problem: AnyProblem, unknowns: Array) -> Array:
     """h sum beta (X_uu^2 + Y_uu^2) (eq. 8)."""
     return energy_terms(problem, unknowns).bending
 
 
 @compiled()
-def _terms(problem: Problem | SplineProblem, unknowns: Array) -> Terms:
+def _terms(problem: AnyProblem, unknowns: Array) -> Terms:
     return problem.terms(problem.point(unknowns))

@@ -40,7 +40,7 @@ def solve_implicitly(
 def _solve_jvp(method, primals, tangents):
     (problem, start, settings, feasible), change = primals, tangents[0]
     outcome = run(problem, start, settings, feasible, method)
-    rule = of_splines if isinstance(problem, SplineProblem) else _of_heights
+    rule: Any = of_splines if isinstance(problem, SplineProblem) else _of_heights
     tangent = jax.tree.map(_no_change, outcome)
     return outcome, tangent._replace(point=rule(problem, change, outcome))
 

@@ -11,9 +11,7 @@ from jaxclay._host import compiled
 from jaxclay.certificate import Forces
 from jaxclay.clay import Array
 from jaxclay.methods import METHODS
-from jaxclay.methods.base import no_forces
-from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.methods.base import AnyPoint, AnyProblem, no_forces
 
 
 class Start(NamedTuple):
@@ -21,14 +19,14 @@ class Start(NamedTuple):
 
     Attributes
     ----------
-    point : Point
+    point : AnyPoint
     forces : Forces
         Multipliers; they count where ``near``.
     near : bool
         Whether this is a minimum of a problem close by, rather than any shape.
     """
 
-    point: Point
+    point: Any
     forces: Forces
     near: Array
 
@@ -36,27 +34,27 @@ class Start(NamedTuple):
 class Outcome(NamedTuple):
     """Where a method ended: its last finite point, and how it came to end."""
 
-    point: Point
+    point: Any
     forces: Forces
     iterations: Array
     finished: Array
     finite: Array
 
 
-def cold(problem: Problem, point: Point) -> Start:
+def cold(problem: AnyProblem, point: AnyPoint) -> Start:
     """A start of which only the shape is known."""
     return Start(point, no_forces(problem), jnp.asarray(False))
 
 
 @compiled("method")
 def solve(
-    problem: Problem, start: Point, settings: Any, feasible: Array, *, method: str
+    problem: AnyProblem, start: AnyPoint, settings: Any, feasible: Array, *, method: str
 ) -> Outcome:
     """The method from a shape, without the judge: one compiled call."""
     return run(problem, cold(problem, start), settings, feasible, method)
 
 
-def run(problem: Problem, start: Start, settings: Any, feasible: Array, method: str) -> Outcome:
+def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, method: str) -> Outcome:
     """The method's loop.
 
     Stops by the method's own rule, at the limit, or before the first step that
@@ -83,5 +81,5 @@ def run(problem: Problem, start: Start, settings: Any, feasible: Array, method: 
     return Outcome(state.point, state.forces, state.iterations, state.finished, finite)
 
 
-def _finite(point: Point) -> Array:
+def _finite(point: AnyPoint) -> Array:
     return jnp.all(jnp.isfinite(point.thickness)) & jnp.all(jnp.isfinite(point.shift))

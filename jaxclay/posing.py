@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Literal, overload
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -10,11 +12,27 @@ from jaxclay.band import Band, Rest, Tool, locate_band, tool_of
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.problem import Problem
 from jaxclay.schemes.spline.host import posed as posed_spline
-from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.squash import Squash, check_fits
 
 SCHEMES = ("paper", "spline")
+
+
+@overload
+def pose(
+    clay: Clay | SmoothClay, squash: Squash, material: Material, scheme: Literal["paper"] = ...
+) -> Problem: ...
+
+
+@overload
+def pose(
+    clay: Clay | SmoothClay,
+    squash: Squash,
+    material: Material,
+    scheme: str,
+    degree: int = ...,
+    elements: int = ...,
+) -> Any: ...
 
 
 def pose(
@@ -24,7 +42,7 @@ def pose(
     scheme: str = "paper",
     degree: int = 5,
     elements: int = 8,
-) -> Problem | SplineProblem:
+) -> Any:
     """Pose a squash: find the material under the tool and say what is fixed (eqs. 10, 11).
 
     Parameters

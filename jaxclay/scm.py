@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 
 from jaxclay._host import compiled, in_float64, pytree
 from jaxclay.band import Band, sides
+from jaxclay.bernstein import DEGREE
 from jaxclay.clay import Array, Clay, unchecked_clay
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 from jaxclay.side import Push, slope_change, solve_sides
+from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
+
+if TYPE_CHECKING:
+    from jaxclay.schemes.spline.problem import SplineProblem
 
 _CASES = ("none", "I", "II", "III")
 
@@ -63,8 +69,12 @@ class RoughShape:
     case_code: Array
     case_below_code: Array
 
-    def clay(self, before: Clay) -> Clay:
-        """The rough shape as clay, given the clay before the squash."""
+    def clay(self, before: Clay | SmoothClay) -> Clay | SmoothClay:
+        """The rough shape as clay, given the clay before the squash; a function as a polyline."""
+        if isinstance(before, SmoothClay):
+            low, high = self.heights[:-1, None], self.heights[1:, None]
+            control = low + (high - low) * (jnp.arange(DEGREE + 1) / DEGREE)
+            return unchecked_smooth_clay(self.nodes, control, before.r0, before.unit)
         thickness = self.point.thickness * before.unit
         return unchecked_clay(self.heights, thickness, before.r0, before.unit)
 
@@ -79,23 +89,29 @@ class RoughShape:
         return _CASES[int(self.case_below_code)]
 
 
-def rough_shape(problem: Problem, discrete: bool = False) -> RoughShape:
+def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> RoughShape:
     """The rough shape of a posed squash.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or SplineProblem
         From :func:`jaxclay.pose`.
     discrete : bool
         False: the continuum's minimiser at the nodes, as the paper has it, O(h)
         off the minimum of the sums.  True: the exact minimiser of the discrete
-        E_move (eq. 6 by the sums of eq. 21) above the floor.
+        E_move (eq. 6 by the sums of eq. 21) above the floor, on the paper's scheme only.
 
     Raises
     ------
+    ValueError
+        ``discrete`` with the scheme "spline".
     TypeError
         Inside a JAX transformation while float64 is off.
     """
+    if not isinstance(problem, Problem):
+        if discrete:
+            raise ValueError("discrete=True belongs to scheme \"paper\", not to \"spline\"")
+        return problem.rough
     return in_float64("rough_shape", _discrete if discrete else _continuum, problem)
 
 

@@ -10,13 +10,10 @@ import jax.numpy as jnp
 
 from jaxclay._host import pytree
 from jaxclay.certificate import Certificate, Forces
-from jaxclay.clay import Array, Clay
+from jaxclay.clay import Array
 from jaxclay.energy import Terms
-from jaxclay.problem import Problem
 from jaxclay.resolution import resolvable_slices
-from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.scm import RoughShape
-from jaxclay.smooth_clay import SmoothClay
 
 
 class Status(enum.IntEnum):
@@ -92,15 +89,15 @@ class Solution:
         The method's multipliers, from which a squash close by can start.
     rough : RoughShape
         What the sliced cylinder model says of the squash.
-    problem : Problem
+    problem : Problem or SplineProblem
     method : str
     status_code : int
         See :attr:`status`.
     error_estimate : float or None
-        Estimate of the contour's error over l, where a tolerance was asked for.
+        Estimate of the contour's error over l where a tolerance was asked for, on either scheme.
     """
 
-    clay: Clay | SmoothClay
+    clay: Any
     point: Any
     energy: Array
     terms: Terms
@@ -109,7 +106,7 @@ class Solution:
     certificate: Certificate
     forces: Forces
     rough: RoughShape
-    problem: Problem | SplineProblem
+    problem: Any
     status_code: Array
     error_estimate: Array | None
     method: str = dataclasses.field(metadata={"static": True})
@@ -137,6 +134,7 @@ class Solution:
             return (
                 f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
                 f"contour's error is {float(self.error_estimate):.2g}. Ask for a larger tolerance"
+                + (', or use scheme="spline"' if hasattr(self.problem, "slices") else "")
             )
         if self.status is Status.UNRESOLVED:
             most = resolvable_slices(self.problem)

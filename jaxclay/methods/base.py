@@ -10,7 +10,9 @@ import jax.numpy as jnp
 from jaxclay.certificate import Forces
 from jaxclay.checks import as_number
 from jaxclay.clay import Array
-from jaxclay.problem import Point, Problem
+
+AnyProblem = Any  # of either scheme: Problem or SplineProblem
+AnyPoint = Any  # and its point
 
 
 class State(NamedTuple):
@@ -18,7 +20,7 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    point : Point
+    point : AnyPoint
         The shape.
     forces : Forces
         Its multipliers; zeros where the method knows none.
@@ -30,7 +32,7 @@ class State(NamedTuple):
         What the next step needs besides.
     """
 
-    point: Point
+    point: AnyPoint
     forces: Forces
     iterations: Array
     finished: Array
@@ -57,19 +59,19 @@ class Method(NamedTuple):
     """
 
     settings: type
-    init: Callable[[Problem, Point, Any], State]
-    step: Callable[[Problem, State, Any], State]
+    init: Callable[[AnyProblem, AnyPoint, Any], State]
+    step: Callable[[AnyProblem, State, Any], State]
     summary: str
-    resume: Callable[[Problem, Point, Forces, Array, Any], State] | None = None
+    resume: Callable[[AnyProblem, AnyPoint, Forces, Array, Any], State] | None = None
     splines: bool = False
 
 
-def no_forces(problem: Problem) -> Forces:
+def no_forces(problem: AnyProblem) -> Forces:
     """Zero multipliers."""
     return Forces(jnp.zeros_like(problem.friction_limit), jnp.zeros_like(problem.floor))
 
 
-def lifted(problem: Problem, point: Point) -> Point:
+def lifted(problem: AnyProblem, point: AnyPoint) -> AnyPoint:
     """The point moved no further than needed for every slice to reach the floor."""
     even = problem.evened(point, 1.0).thickness
     low = problem.loose & (point.thickness < problem.floor)

@@ -21,8 +21,7 @@ import jax.numpy as jnp
 from jaxclay._host import is_concrete, pytree
 from jaxclay.certificate import SMALL, Forces
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, no_forces
-from jaxclay.problem import Point, Problem
+from jaxclay.methods.base import AnyPoint, AnyProblem, Method, State, check_setting, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
@@ -67,13 +66,13 @@ class _Memory(NamedTuple):
     failures: Array  # factorisations in a row that found no positive definite matrix
 
 
-def init(problem: Problem, start: Point, settings: NewtonSettings) -> State:
+def init(problem: AnyProblem, start: AnyPoint, settings: NewtonSettings) -> State:
     """Start off the floor, with multipliers that fit the smoothing."""
     return resume(problem, start, no_forces(problem), jnp.asarray(False), settings)
 
 
 def resume(
-    problem: Problem, start: Point, forces: Forces, near: Array, settings: NewtonSettings
+    problem: AnyProblem, start: AnyPoint, forces: Forces, near: Array, settings: NewtonSettings
 ) -> State:
     """The same; where the start is a minimum close by, with the multipliers there."""
     point, limit = _interior(problem, start), problem.friction_limit
@@ -89,7 +88,7 @@ def resume(
     return State(point, forces, jnp.asarray(0), ~jnp.any(problem.free), memory)
 
 
-def step(problem: Problem, state: State, settings: NewtonSettings) -> State:
+def step(problem: AnyProblem, state: State, settings: NewtonSettings) -> State:
     """One factorisation, and one step on the smoothed energy if it is positive definite.
 
     eps shrinks whenever the smoothed energy's minimum is near.
@@ -145,7 +144,7 @@ def _line_search(problem, point, value, delta, gain, eps, weight) -> Array:
     """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
     limit = problem.friction_limit
 
-    def merit(value: Array, shape: Point) -> Array:
+    def merit(value: Array, shape: AnyPoint) -> Array:
         """Not a number below the floor, and so never lower."""
         barrier = weight * jnp.where(problem.loose, jnp.log(_room(problem, shape)), 0.0)
         smoothed = limit * jnp.sqrt(shape.shift**2 + eps**2)
@@ -172,7 +171,7 @@ def _line_search(problem, point, value, delta, gain, eps, weight) -> Array:
     return jnp.where(fails, 0.0, length)
 
 
-def _longest(problem: Problem, point: Point, delta: Array) -> Array:
+def _longest(problem: AnyProblem, point: AnyPoint, delta: Array) -> Array:
     """Largest step up to 1 that stays well above the floor."""
     change = problem.thickness_change(delta)
     shrinks = problem.loose & (change < 0)
@@ -191,12 +190,12 @@ def _floor_step(problem, point, z, delta, weight) -> Array:
     return z + jnp.minimum(length, 1.0) * change
 
 
-def _room(problem: Problem, point: Point) -> Array:
+def _room(problem: AnyProblem, point: AnyPoint) -> Array:
     """Thickness above the floor of loose slices, 1 for the others."""
     return jnp.where(problem.loose, problem.slack(point), 1.0)
 
 
-def _barrier(problem: Problem, energy: Array, memory: _Memory) -> Array:
+def _barrier(problem: AnyProblem, energy: Array, memory: _Memory) -> Array:
     """Weight of the floor's logarithms: high while much is to be gained, and falling with eps.
 
     Its least value keeps the slack above rounding and is no matter to the certificate.
@@ -206,7 +205,7 @@ def _barrier(problem: Problem, energy: Array, memory: _Memory) -> Array:
     return (least + smoothing + _EAGER * memory.gain) / problem.loose.shape[0]
 
 
-def _interior(problem: Problem, start: Point) -> Point:
+def _interior(problem: AnyProblem, start: AnyPoint) -> AnyPoint:
     """The start, drawn off the floor if it touches."""
     touches = jnp.min(_room(problem, start) / problem.rest_thickness) < 1e-3
     return jax.lax.cond(touches, lambda: problem.evened(start, 0.1), lambda: start)

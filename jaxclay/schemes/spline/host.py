@@ -93,7 +93,7 @@ def deform_to_tolerance(
     if not is_transformed(answer):
         levels = levels[levels > 0]
     solution = _solution(answer, method, levels, answer.error, _FOLD * tolerance)
-    return _honest(solution, tolerance)
+    return _honest(solution, answer.error, tolerance)
 
 
 def check_degree(degree: int) -> None:
@@ -202,10 +202,10 @@ def _solution(answer, method: str, levels: Array, error: Array | None, fold: flo
     )
 
 
-def _honest(solution: Solution, tolerance: float) -> Solution:
+def _honest(solution: Solution, error: Array, tolerance: float) -> Solution:
     """Unresolved where the tolerance was not met."""
     converged = solution.status_code == Status.CONVERGED.value
-    missed = converged & (solution.error_estimate > tolerance)
+    missed = converged & (error > tolerance)
     if is_transformed(solution):
         code = jnp.where(missed, Status.UNRESOLVED.value, solution.status_code)
     else:

@@ -72,7 +72,9 @@ def graded(band: Band, density: Density, count: int, sides: int) -> Array:
     spans = [cut, length - cut]
     placed = []
     for side in range(2 - sides, 2):
-        x, used = _side(*(leaf[side] for leaf in density), jnp.maximum(spans[side], 1e-30), count)
+        edge, reach, at_reach, end = (leaf[side] for leaf in density)
+        span = jnp.maximum(spans[side], 1e-30)
+        x, used = _side(edge, reach, at_reach, end, span, count)
         at = cut - x if side == 0 else cut + x
         placed.append(jnp.where(used & (spans[side] > 0), at, length))
     inner = jnp.sort(jnp.concatenate(placed))
