@@ -175,7 +175,7 @@ def test_only_jaxopts_warning_is_filtered():
                 assert "JAXopt is no longer maintained" in ast.unparse(node), path
 
 
-TOP = {"compare", "plots", "cli", "studio", "_html"}
+TOP = {"compare", "plots", "cli", "deform_command", "studio", "_html"}
 ORDER = ["clay", "squash", "side", "band", "energy", "schemes", "problem", "scm", "minimize"]
 
 
@@ -201,7 +201,7 @@ def top_level(node):
 
 
 def core_files():
-    files = [*PACKAGE.glob("*.py"), *PACKAGE.glob("methods/*.py"), *PACKAGE.glob("schemes/*.py")]
+    files = [*PACKAGE.glob("*.py"), *PACKAGE.glob("methods/*.py"), *PACKAGE.glob("schemes/**/*.py")]
     return [path for path in files if path.stem not in TOP and path.stem != "__main__"]
 
 

@@ -41,6 +41,8 @@ _ROOM = 0.5  # error of a span over the tolerance that is left alone
 _FAR = 40.0  # the same from which a span is cut in four
 _LOOSE = 0.1  # energy left, relative to E_free, over the tolerance squared
 _SMOOTH = 1e-2  # friction's smoothing over the tolerance, before the last level
+_PATIENCE = 60  # iterations on a mesh before the last
+_TRIALS = 2  # meshes that may go unsolved
 _EPS = 1e-6  # the same at the start of a level, over l
 
 
@@ -114,7 +116,10 @@ def adapted(
 def _levels(squashed, tolerance, settings, degree, sides, spans, kinks) -> _Level:
     """Meshes, each refined from the one before, until the estimate is below the tolerance."""
     loose = dataclasses.replace(
-        settings, tolerance=_LOOSE * tolerance**2, smoothing=_SMOOTH * tolerance
+        settings,
+        max_iterations=jnp.minimum(settings.max_iterations, _PATIENCE),
+        tolerance=_LOOSE * tolerance**2,
+        smoothing=_SMOOTH * tolerance,
     )
 
     def level(now: _Level) -> _Level:
@@ -183,7 +188,8 @@ def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) ->
     error = jnp.max(errors)
     end = mesh.free_length(squashed.band)
     inner, full = _refined(problem, now.inner, errors / tolerance, end)
-    polishes = (error <= tolerance) | full | (now.number + 1 >= LEVELS)
+    hopeless = ~outcome.finished & (now.number >= _TRIALS)
+    polishes = (error <= tolerance) | full | hopeless | (now.number + 1 >= LEVELS)
     return now._replace(
         inner=jnp.where(polishes, now.inner, inner),
         function=found.function,
