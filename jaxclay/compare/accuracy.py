@@ -1,0 +1,136 @@
+"""Speed against accuracy: both schemes on the random population, errors against the continuum.
+
+Every row is one scene solved in one way: how far its contour is from that of the function Y(u)
+which minimises E_total, over l, how many unknowns that took, and two times.  ``solve_s`` is the
+compiled call alone: on slices and on fixed spans from a posed problem to a judged answer, on
+spans that adapt all of ``deform``'s work, posing included.  ``call_s`` is what a user waits for:
+``pose`` and ``minimize``, or ``deform``.  Both are medians of warm repeats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxclay.compare.population import RandomScene, population, solved
+from jaxclay.compare.solves import Limit, Way, prepared, seconds_of
+from jaxclay.contour import contour_error
+from jaxclay.methods import METHODS
+from jaxclay.solution import Solution, Status
+
+Row = dict[str, Any]
+NO_TRUTH = "no truth"  # the limit of scenes of which no answer is good enough
+_TRUE = 10.0  # estimate over the tolerance, of answers good enough to measure errors from
+
+
+class Effort(NamedTuple):
+    """How much is run.
+
+    Attributes
+    ----------
+    scenes : int
+        Of the random population.
+    slow : int
+        The first so many also by the methods other than newton.
+    slices, few : tuples of int
+        Grids of newton on the paper's scheme, and of the other methods.
+    elements : tuple of int
+        Equal spans on each side, for degrees 3 to 5.
+    tolerances : tuple of float
+        For spans that adapt.
+    truth : float
+        Tolerance of the answers that errors are measured from.
+    seconds : float
+        Of timed repeats that a solve gets.
+    """
+
+    scenes: int
+    slow: int
+    slices: tuple[int, ...]
+    few: tuple[int, ...]
+    elements: tuple[int, ...]
+    tolerances: tuple[float, ...]
+    truth: float
+    seconds: float
+
+    @property
+    def total(self) -> int:
+        """How many solves are to be timed."""
+        return sum(len(ways(self, index < self.slow)) for index in range(self.scenes))
+
+
+THOROUGH = Effort(
+    scenes=60,
+    slow=12,
+    slices=(32, 64, 128, 256, 512, 1024, 2048, 4096),
+    few=(32, 64, 128),
+    elements=(2, 4, 8, 16, 32),
+    tolerances=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6),
+    truth=1e-7,
+    seconds=0.1,
+)
+QUICK = THOROUGH._replace(
+    scenes=2, slow=1, slices=(32, 64), few=(32,), elements=(2, 8), tolerances=(1e-2, 1e-4),
+    truth=1e-5, seconds=0.01,
+)  # fmt: skip
+
+
+def ways(effort: Effort, others: bool) -> list[Way]:
+    """Every way that a scene is solved in; ``others`` are the methods beside newton."""
+    chosen = [Way("paper", "newton", 0, False, n) for n in effort.slices]
+    chosen += [Way("spline", "newton", p, False, e) for p in (3, 4, 5) for e in effort.elements]
+    chosen += [Way("spline", "newton", 5, True, tolerance) for tolerance in effort.tolerances]
+    if others:
+        names = [name for name in METHODS if name != "newton"]
+        chosen += [Way("paper", name, 0, False, n) for name in names for n in effort.few]
+    return chosen
+
+
+def run(
+    effort: Effort, seed: int = 0, tick: Callable[[str], None] = lambda _: None
+) -> Iterator[Row]:
+    """Yield rows as they are measured; ``tick`` hears of every solve as it begins."""
+    for index, scene in enumerate(population(effort.scenes, seed)):
+        exact = truth(scene, effort.truth)
+        if not float(exact.error_estimate or np.inf) <= _TRUE * effort.truth:
+            yield {"scene": scene.number, "status": "skipped", "limit": NO_TRUTH}
+            continue
+        for way in ways(effort, index < effort.slow):
+            tick(f"scene {scene.number} {way.scheme} {way.method} {way.size:g}")
+            yield row_of(scene, way, exact, effort.seconds)
+
+
+def truth(scene: RandomScene, tolerance: float) -> Solution:
+    """The answer that errors are measured from; its own is in ``error_estimate``.
+
+    Of the answers to this tolerance and to looser ones, the best by its estimate: too tight
+    a one may find no end.
+    """
+    looser = (tolerance, 10 * tolerance, 100 * tolerance)
+    answers = [solved(scene.clay, scene.squash, scene.material, each) for each in looser]
+    return min(answers, key=lambda answer: float(answer.error_estimate or np.inf))
+
+
+def row_of(scene: RandomScene, way: Way, exact: Solution, seconds: float) -> Row:
+    """One scene solved in one way, or the limit that forbids it."""
+    row: Row = {"scene": scene.number, "worked": scene.worked, "snake": scene.snake}
+    row |= {**way._asdict(), "truth_error": float(exact.error_estimate or 0)}
+    missing = {"error": np.nan, "unknowns": np.nan, "iterations": np.nan, "status": "skipped"}
+    try:
+        ready = prepared(scene, way)
+    except Limit as limit:
+        return row | missing | {"solve_s": np.nan, "call_s": np.nan, "limit": str(limit)}
+    answer = ready.call()
+    unresolved = answer.status is Status.UNRESOLVED and not way.adaptive
+    refused = way.method == "newton" and not answer.certificate.accepted
+    return row | {
+        "error": contour_error(answer.clay, exact.clay),
+        "unknowns": int(answer.unknowns),
+        "iterations": int(answer.iterations),
+        "status": str(answer.status),
+        "solve_s": seconds_of(ready.solve, seconds),
+        "call_s": seconds_of(ready.call, seconds),
+        "limit": "rounding" if unresolved else "refused" if refused else "",
+    }

@@ -1,0 +1,115 @@
+"""The random population: one squash each of a cylinder or of a piece squashed before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from jaxclay._host import in_float64
+from jaxclay.clay import Clay, Material
+from jaxclay.compare.scenes import SNAKE_SLICES
+from jaxclay.conversion import as_smooth
+from jaxclay.merging import padded
+from jaxclay.methods.choice import spline_settings
+from jaxclay.schemes.spline import host
+from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
+from jaxclay.solution import Solution, Status
+from jaxclay.squash import Squash
+
+_EARLIER = 3  # squashes before the one to solve, in one scene of four
+_PIECES, _SPANS = 144, 384  # room for every rest shape and every mesh
+_EARLIER_TOLERANCE = 1e-4  # of their contours, over l
+_FOLD = 0.02  # of a tolerance, to which an answer's pieces are merged
+
+
+class RandomScene(NamedTuple):
+    """A squash to solve.
+
+    Attributes
+    ----------
+    number : int
+        Of the scene's draws since the seed.
+    clay : SmoothClay
+        The rest shape Y0(u), of unit height when it was a cylinder.
+    squash : Squash
+    material : Material
+    worked : bool
+        Whether earlier squashes made the rest shape.
+    snake : bool
+        Whether alpha and beta are in snake units.
+    """
+
+    number: int
+    clay: SmoothClay
+    squash: Squash
+    material: Material
+    worked: bool
+    snake: bool
+
+
+def population(count: int, seed: int = 0) -> Iterator[RandomScene]:
+    """Yield ``count`` random scenes, the same for the same seed.
+
+    r0 is uniform in [0.2, 1], mu = 10^U[-1.5, 0.3], alpha and beta 10^U[-2, 1] each, half of the
+    materials in snake units of 64 slices.  One piece in four has gone through three squashes like
+    the last, solved by splines: its Y0(u) is a function, the same whichever scheme goes on from
+    there.  What cannot be posed, as its band lies above what earlier squashes
+    left, is drawn again.
+    """
+    rng = np.random.default_rng(seed)
+    number, made = -1, 0
+    while made < count:
+        number += 1
+        r0 = rng.uniform(0.2, 1.0)
+        earlier = _EARLIER if rng.random() < 0.25 else 0
+        squashes = [_squash(rng, r0) for _ in range(earlier + 1)]
+        material, snake = _material(rng)
+        clay = _worked(r0, squashes[:-1], material)
+        if clay is not None and float(squashes[-1].bottom) < float(clay.height):
+            made += 1
+            yield RandomScene(number, clay, squashes[-1], material, earlier > 0, snake)
+
+
+def solved(clay: SmoothClay, squash: Squash, material: Material, tolerance: float) -> Solution:
+    """The answer of ``deform`` to a tolerance, compiled once for whatever scene."""
+    breaks, control = padded(clay.breaks, clay.control, _PIECES)
+    rest = unchecked_smooth_clay(breaks, control, clay.r0, clay.unit)
+    answer = in_float64(
+        "deform", host._adapted, rest, squash, material, tolerance, spline_settings("newton", {}),
+        degree=5, sides=2, spans=_SPANS,
+        kinks=host._KINKS, differentiable=False,
+    )  # fmt: skip
+    return host._solution(answer, "newton", answer.levels, answer.error, _FOLD * tolerance)
+
+
+def _squash(rng: np.random.Generator, r0: float) -> Squash:
+    ratio = rng.uniform(1.03, 1.4) if rng.random() < 0.2 else rng.uniform(0.6, 0.97)
+    if rng.random() < 0.4:
+        bottom, height = rng.uniform(0.1, 0.4), rng.uniform(0.1, 0.5)
+    else:
+        bottom, height = 0.0, rng.uniform(0.1, 0.6)
+    return Squash(bottom, bottom + height, ratio * r0)
+
+
+def _material(rng: np.random.Generator) -> tuple[Material, bool]:
+    """The material, and whether its constants are in snake units."""
+    mu = 10 ** rng.uniform(-1.5, 0.3)
+    alpha, beta = 10 ** rng.uniform(-2, 1, 2)
+    if rng.random() < 0.5:
+        return Material.from_snake_units(1.0, mu, alpha, beta, slices=SNAKE_SLICES), True
+    return Material(1.0, mu, alpha, beta), False
+
+
+def _worked(r0: float, squashes: list[Squash], material: Material) -> SmoothClay | None:
+    """The cylinder after these squashes; None if one could not be made."""
+    shape = as_smooth(Clay.cylinder(radius=r0))
+    for squash in squashes:
+        if float(squash.bottom) >= float(shape.height):
+            return None
+        answer = solved(shape, squash, material, _EARLIER_TOLERANCE)
+        if answer.status not in (Status.CONVERGED, Status.UNRESOLVED):
+            return None
+        shape = cast(SmoothClay, answer.clay)
+    return shape

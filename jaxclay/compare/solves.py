@@ -1,0 +1,131 @@
+"""A scene solved in one way: as users call it, and the compiled call alone, ready to be timed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple, cast
+
+import jax
+import numpy as np
+
+from jaxclay._host import as_float64
+from jaxclay.clay import Clay
+from jaxclay.compare.population import RandomScene
+from jaxclay.conversion import cut
+from jaxclay.methods.choice import method_settings
+from jaxclay.minimize import _answered, deform, minimize
+from jaxclay.posing import pose
+from jaxclay.problem import Problem
+from jaxclay.resolution import resolvable_slices
+from jaxclay.schemes.spline import host
+from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.schemes.spline.solve import answered
+from jaxclay.smooth_clay import SmoothClay
+from jaxclay.solution import Solution
+from jaxclay.start import begin_from
+
+_LONG = 0.2  # seconds: runs longer than that are not repeated
+
+
+class Way(NamedTuple):
+    """How a scene is solved: ``size`` is slices, spans on each side, or the tolerance."""
+
+    scheme: str
+    method: str
+    degree: int
+    adaptive: bool
+    size: float
+
+
+class Ready(NamedTuple):
+    """A solve to be timed: as users call it, and the compiled call alone."""
+
+    call: Callable[[], Solution]
+    solve: Callable[[], Any]
+
+
+class Limit(Exception):
+    """Why a scene cannot be solved in this way; a word for the table."""
+
+
+def prepared(scene: RandomScene, way: Way) -> Ready:
+    """The solve, ready to be timed.
+
+    Raises
+    ------
+    Limit
+        "rounding" where float64 resolves fewer slices, "band" where so few hold no band.
+    """
+    if way.adaptive:
+        return _adaptive(scene, way)
+    clay, squash, material = scene.clay, scene.squash, scene.material
+    settings = method_settings(way.method, {})
+    if way.scheme == "spline":
+        whole = {"scheme": "spline", "degree": way.degree, "elements": int(way.size)}
+        problem = cast(SplineProblem, pose(clay, squash, material, **whole))
+        values = problem, host._begin(problem, None), settings
+        return _fixed(clay, scene, whole, way.method, answered, values)
+    slices = cut(clay, int(way.size))
+    try:
+        problem = cast(Problem, pose(slices, squash, material))
+    except ValueError as error:
+        raise Limit("band") from error
+    if problem.slices > resolvable_slices(problem):
+        raise Limit("rounding")
+    values = problem, begin_from(problem, None), settings
+    return _fixed(slices, scene, {}, way.method, _answered, values)
+
+
+def _fixed(clay: Clay | SmoothClay, scene, posing, method: str, fun, values) -> Ready:
+    values = on_device(values)
+
+    def call() -> Solution:
+        return minimize(pose(clay, scene.squash, scene.material, **posing), method)
+
+    def solve():
+        with jax.enable_x64(True):
+            return jax.block_until_ready(fun.whole(*values, method=method))
+
+    return Ready(call, solve)
+
+
+def _adaptive(scene: RandomScene, way: Way) -> Ready:
+    smooth, sides = host.prepared(scene.clay), host._sides(scene.squash)
+    settings = method_settings(way.method, {})
+    values = on_device((smooth, scene.squash, scene.material, way.size, settings))
+    plain = smooth.pieces == 1
+    kinks, sizes = (0, host._SPANS) if plain else (host._KINKS, host._SPANS[1:])
+    fixed = {"degree": way.degree, "sides": sides, "kinks": kinks, "differentiable": False}
+
+    def call() -> Solution:
+        return deform(
+            scene.clay, scene.squash, scene.material, tolerance=way.size, degree=way.degree
+        )
+
+    def solve():
+        with jax.enable_x64(True):
+            for spans in sizes:
+                answer = host._adapted.whole(*values, spans=spans, **fixed)
+                if not jax.block_until_ready(answer).full:
+                    return answer
+        return answer
+
+    return Ready(call, solve)
+
+
+def on_device(values: Any) -> Any:
+    """The same as float64 arrays of JAX's."""
+    with jax.enable_x64(True):
+        return jax.device_put(as_float64(values))
+
+
+def seconds_of(call: Callable[[], Any], seconds: float) -> float:
+    """Median of warm calls, at least three unless they are long."""
+    call()
+    taken, end = [], time.perf_counter() + seconds
+    while len(taken) < (1 if taken and taken[0] > _LONG else 3) or time.perf_counter() < end:
+        begin = time.perf_counter()
+        call()
+        taken.append(time.perf_counter() - begin)
+    return float(np.median(taken))
