@@ -223,50 +223,54 @@ def _first_mesh(
     end = mesh.free_length(band)
     inner = mesh.graded(band, _density(squashed, tolerance), _COUNT, sides)
     if kinks:
-        worst = _kinks(squashed, tolerance, degree, kinks)
-        inner = jnp.concatenate([inner, worst, _inherited(squashed, tolerance)])
+        inner = jnp.concatenate([inner, _inherited(squashed, tolerance, degree, kinks)])
     return jnp.sort(jnp.concatenate([inner, jnp.broadcast_to(end, spans)]))[:spans]
 
 
-def _inherited(squashed: Squashed, tolerance: Array) -> Array:
-    """(m-1,) knots at the rest shape's breaks where the sliced cylinder model moves clay.
+def _inherited(squashed: Squashed, tolerance: Array, degree: int, count: int) -> Array:
+    """Knots at the rest shape's breaks where its details matter.
 
-    A squeeze of a shape with details has details at the same places.
+    Once where the sliced cylinder model moves clay: a squeeze of a shape with details has
+    details at the same places.  Bending smooths a jump of Y0_uuu, as old bands leave it,
+    wherever clay moves, so that w has it too: at the ``count`` worst breaks knots repeated
+    p - 2 times let it, p - 1 times without bending and p times without any smoothing.
     """
     rest, band = squashed.rest, squashed.band
-    shift = jnp.abs(squashed.rough.point.shift[::PARTS])
-    moves = jnp.maximum(shift[:-2], shift[2:]) > _STILL * tolerance
     at = rest.breaks[1:-1]
     outside = (at < 1) & ((at <= band.lower) | (at >= band.upper))
     place = at - jnp.where(at >= band.upper, band.upper - band.lower, 0.0)
-    return jnp.where(moves & outside, place, mesh.free_length(band))
+    end = mesh.free_length(band)
+    shift = jnp.abs(squashed.rough.point.shift[::PARTS])
+    moves = jnp.maximum(shift[:-2], shift[2:]) > _STILL * tolerance
+    effect = jnp.where(outside, _kinked(squashed), 0.0)
+    effect, worst = jax.lax.top_k(effect, min(count, at.shape[0]))
+    strong = effect > _KINK * tolerance
+    material = squashed.material
+    times = degree - 2 + jnp.where(material.beta > 0, 0, jnp.where(material.alpha > 0, 1, 2))
+    wanted = strong[:, None] & (jnp.arange(degree) < times)
+    repeated = jnp.where(wanted, place[worst][:, None], end)
+    # A kink's knots are counted once: one more would let the curvature jump.
+    index = jnp.arange(at.shape[0])
+    taken = jnp.any((index[:, None] == worst) & strong, axis=1)
+    single = jnp.where(moves & outside & ~taken, place, end)
+    return jnp.concatenate([single, repeated.reshape(-1)])
 
 
-def _kinks(squashed: Squashed, tolerance: Array, degree: int, count: int) -> Array:
-    """(count degree,) knots at the rest shape's worst breaks, repeated as often as they need.
-
-    Bending smooths a jump of Y0_uuu, as old bands leave it, wherever clay moves, so that w
-    has it too: knots repeated p - 2 times let it, p - 1 times without bending and p times
-    without any smoothing.
-    """
-    _, rest, _, material, band, _ = squashed
+def _kinked(squashed: Squashed) -> Array:
+    """(m-1,) about how far the radius is off where a jump at a break is smoothed over a layer."""
+    rest = squashed.rest
     width = jnp.diff(rest.breaks)
     width = jnp.where(width > 0, width, 1.0)
     begin = bernstein.in_piece(rest.control, width, jnp.zeros_like(width))
     end = bernstein.in_piece(rest.control, width, jnp.ones_like(width))
-    at = rest.breaks[1:-1]
-    inside = (at > band.lower) & (at < band.upper)
-    meets = (at < 1) & ~inside
-    slope = jnp.where(meets, begin[1][1:], 1.0)
-    layer = _layer(slope, rest.r0, material)
-    jump = [jnp.abs(b[1:] - e[:-1]) for b, e in zip(begin, end, strict=True)]
+    filled = rest.breaks[1:-1] < 1
+    jump = [
+        jnp.where(filled, jnp.abs(b[1:] - e[:-1]), 0.0) for b, e in zip(begin, end, strict=True)
+    ]
+    slope = jnp.where(filled, begin[1][1:], 1.0)
+    layer = _layer(slope, rest.r0, squashed.material)
     of_slope = jump[1] + jump[2] * layer / 8 + jump[3] * layer**2 / 32
-    error = rest.r0 / 2 * slope**-1.5 * of_slope
-    error, which = jax.lax.top_k(jnp.where(meets, error, 0.0), min(count, at.shape[0]))
-    place = at[which] - jnp.where(at[which] >= band.upper, band.upper - band.lower, 0.0)
-    times = degree - 2 + jnp.where(material.beta > 0, 0, jnp.where(material.alpha > 0, 1, 2))
-    wanted = (error > _KINK * tolerance)[:, None] & (jnp.arange(degree) < times)
-    return jnp.where(wanted, place[:, None], mesh.free_length(band)).reshape(-1)
+    return rest.r0 / 2 * slope**-1.5 * of_slope
 
 
 def _density(squashed: Squashed, tolerance: Array) -> mesh.Density:
