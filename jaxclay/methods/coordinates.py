@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from functools import partial
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 
 from jaxclay import banded, local
 from jaxclay.clay import Array
+from jaxclay.methods.base import AnyPoint, AnyProblem
+from jaxclay.methods.springs import Springs
 from jaxclay.methods.stages import Stage
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.spline.problem import SplineProblem
 
 _POWERS = 20
+AnyStage = Any  # Stage or Springs
 
 
 class Bounds(Protocol):
@@ -48,8 +52,8 @@ class Coordinates(NamedTuple):
     ----------
     start : (m,) array
         Where to start: 0, or what is nearest to it within the bounds.
-    scale : (n+1, m) array
-        Step of the nodes for a unit of each unknown; () where x is that step.
+    scale : (n+1, m) or (N, m) array
+        Step of the nodes or coefficients for a unit of each unknown; () for each its own.
     curvature : scalar
         Least curvature of the energy along x, about.
     bounds : Bounds
@@ -61,20 +65,23 @@ class Coordinates(NamedTuple):
     curvature: Array
     bounds: Bounds = Unbounded()
 
-    def point(self, problem: Problem, stage: Stage, x: Array) -> Point:
+    def point(self, problem: AnyProblem, stage: AnyStage, x: Array) -> AnyPoint:
         """The shape at x."""
-        step = self.scale @ x if self.scale.ndim else x
-        return stage.base.moved(jnp.where(stage.moves(problem), step, 0.0))
+        step = self.scale @ x if self.scale.ndim else self.scale * x
+        return problem.moved(stage.base, jnp.where(stage.moves(problem), step, 0.0))
 
-    def energy(self, problem: Problem, stage: Stage) -> Callable[[Array], Array]:
+    def energy(self, problem: AnyProblem, stage: AnyStage) -> Callable[[Array], Array]:
         """The stage's energy as a function of x."""
         return lambda x: stage.energy(problem, self.point(problem, stage, x))
+
+
+Chart = Callable[[AnyProblem, AnyStage], Coordinates]
 
 
 def heights(problem: Problem, stage: Stage) -> Coordinates:
     """The nodes' heights as they are."""
     return Coordinates(
-        jnp.zeros_like(stage.base.shift), jnp.ones(()), problem.material.k / problem.slices
+        jnp.zeros_like(problem.shift), jnp.ones(()), problem.material.k / problem.slices
     )
 
 
@@ -92,23 +99,40 @@ def preconditioned(problem: Problem, stage: Stage) -> Coordinates:
     return Coordinates(jnp.zeros_like(limit), inverse.T, jnp.ones(()))
 
 
-def normalised(
-    coordinates: Callable[[Problem, Stage], Coordinates],
-) -> Callable[[Problem, Stage], Coordinates]:
+def coefficients(problem: SplineProblem, _stage: Springs) -> Coordinates:
+    """A spline's coefficients as they are."""
+    count = problem.shift.shape[0]
+    return Coordinates(jnp.zeros_like(problem.shift), jnp.ones(()), problem.material.k / count)
+
+
+def preconditioned_splines(problem: SplineProblem, stage: Springs) -> Coordinates:
+    """The factor of the Hessian's inverse where the stage starts, springs included.
+
+    Of Gauss and Newton's if it is not definite.  A column of the inverse is what a
+    unit force on a coefficient does.
+    """
+    point, springs = stage.base, stage.curvatures(problem)
+    matrix = problem.smooth_model(point).bands
+    definite = problem.stiffness(point, matrix, *springs).positive
+    stiff = problem.stiffness(point, matrix, *springs, gauss=~definite)
+    inverse = jax.vmap(partial(problem.relaxed, stiff))(jnp.eye(problem.shift.shape[0]))
+    factor = jnp.linalg.cholesky(inverse, symmetrize_input=True)
+    return Coordinates(jnp.zeros_like(problem.shift), factor, jnp.ones(()))
+
+
+def normalised(chart: Chart) -> Chart:
     """The same coordinates in units in which the energy's largest curvature starts at about 1.
 
     A first step along the gradient then has the right length.
     """
 
-    def chosen(problem: Problem, stage: Stage) -> Coordinates:
-        chart = coordinates(problem, stage)
-        largest = _largest_curvature(chart.energy(problem, stage), chart.start)
-        usable = jnp.isfinite(largest) & (largest > chart.curvature)
-        unit = jnp.sqrt(1 / jnp.where(usable, largest, chart.curvature))
-        bounds = chart.bounds.scaled(unit)
-        return Coordinates(
-            chart.start / unit, chart.scale * unit, chart.curvature * unit**2, bounds
-        )
+    def chosen(problem: AnyProblem, stage: AnyStage) -> Coordinates:
+        raw = chart(problem, stage)
+        largest = _largest_curvature(raw.energy(problem, stage), raw.start)
+        usable = jnp.isfinite(largest) & (largest > raw.curvature)
+        unit = jnp.sqrt(1 / jnp.where(usable, largest, raw.curvature))
+        bounds = raw.bounds.scaled(unit)
+        return Coordinates(raw.start / unit, raw.scale * unit, raw.curvature * unit**2, bounds)
 
     return chosen
 

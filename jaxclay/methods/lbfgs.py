@@ -1,7 +1,8 @@
 """``lbfgs``, ``lbfgs-preconditioned`` and ``optax-lbfgs``: limited-memory quasi-Newton.
 
 The iterations are jaxopt's and optax's own (Liu and Nocedal 1989, zoom line
-search); stages and stopping are in :mod:`jaxclay.methods.smoothed`.
+search); stages and stopping are in :mod:`jaxclay.methods.smoothed`.  The unknowns are
+heights, or on splines coefficients.
 """
 
 from __future__ import annotations
@@ -11,7 +12,13 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from jaxclay.methods.coordinates import heights, preconditioned
+from jaxclay.methods.coordinates import (
+    coefficients,
+    heights,
+    normalised,
+    preconditioned,
+    preconditioned_splines,
+)
 from jaxclay.methods.smoothed import PLAIN_EPS, SCALED_EPS, Descent, method
 
 _MEMORY = 10
@@ -67,8 +74,24 @@ def _optax_advance(task, x, state):
 JAXOPT = Descent(_jaxopt_init, _jaxopt_advance)
 _OPTAX = Descent(_optax_init, _optax_advance)
 
-PLAIN = method(JAXOPT, heights, PLAIN_EPS, "jaxopt's L-BFGS in the heights as they are")
-PRECONDITIONED = method(
-    JAXOPT, preconditioned, SCALED_EPS, "jaxopt's L-BFGS in coordinates of the start's Hessian"
+PLAIN = method(
+    JAXOPT,
+    heights,
+    PLAIN_EPS,
+    "jaxopt's L-BFGS in the unknowns as they are",
+    on_splines=normalised(coefficients),
 )
-OPTAX = method(_OPTAX, heights, PLAIN_EPS, "optax's L-BFGS in the heights as they are")
+PRECONDITIONED = method(
+    JAXOPT,
+    preconditioned,
+    SCALED_EPS,
+    "jaxopt's L-BFGS in coordinates of the start's Hessian",
+    on_splines=preconditioned_splines,
+)
+OPTAX = method(
+    _OPTAX,
+    heights,
+    PLAIN_EPS,
+    "optax's L-BFGS in the unknowns as they are",
+    on_splines=normalised(coefficients),
+)

@@ -1,8 +1,9 @@
 """Methods around a minimiser of smooth functions: stages, coordinates and stopping.
 
 A minimiser knows one iteration.  Around it each stage of
-:mod:`jaxclay.methods.stages` is minimised in coordinates of its own
-(:mod:`jaxclay.methods.coordinates`); what lies below the floor is lifted onto it.
+:mod:`jaxclay.methods.stages`, or on splines of :mod:`jaxclay.methods.springs`, is
+minimised in coordinates of its own (:mod:`jaxclay.methods.coordinates`); what lies
+below the floor is lifted onto it.
 """
 
 from __future__ import annotations
@@ -16,11 +17,19 @@ import jax.numpy as jnp
 
 from jaxclay._host import is_concrete, pytree
 from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, lifted, no_forces
-from jaxclay.methods.coordinates import Bounds, Coordinates
-from jaxclay.methods.stages import PINNINGS, Stage, first_stage, next_stage
-from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.methods.base import (
+    AnyPoint,
+    AnyProblem,
+    Method,
+    State,
+    check_setting,
+    lifted,
+    no_forces,
+)
+from jaxclay.methods.coordinates import AnyStage, Bounds, Chart, Coordinates
+from jaxclay.methods.springs import Springs, first_springs, next_springs
+from jaxclay.methods.stages import first_stage, next_stage
+from jaxclay.schemes.spline.problem import SplineProblem
 
 # Smoothing of friction, over the unit l.  In Y the kinks soon stop L-BFGS; scaled coordinates
 # take them up.
@@ -77,7 +86,7 @@ class Descent(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    stage: Stage
+    stage: AnyStage
     coordinates: Coordinates
     x: Array
     descent: Any
@@ -85,48 +94,65 @@ class _Memory(NamedTuple):
 
 def method(
     descent: Descent,
-    coordinates: Callable[[Problem, Stage], Coordinates],
+    coordinates: Chart,
     ladder: tuple[float, ...],
     summary: str,
     settings: type = DescentSettings,
+    on_splines: Chart | None = None,
 ) -> Method:
-    """The staged method around a minimiser, in the coordinates given."""
+    """The staged method around a minimiser, in the coordinates given.
 
-    def begun(problem: Problem, stage: Stage, settings: Any) -> _Memory:
-        chart = coordinates(problem, stage)
+    ``on_splines`` are those for splines, where it knows them.
+    """
+
+    def begun(problem: AnyProblem, stage: AnyStage, settings: Any) -> _Memory:
+        chosen = on_splines if on_splines and isinstance(stage, Springs) else coordinates
+        chart = chosen(problem, stage)
         inner = descent.init(_task(problem, stage, chart, settings), chart.start)
         return _Memory(stage, chart, chart.start, inner)
 
-    def init(problem: Problem, start: Point, settings: Any) -> State:
-        memory = begun(problem, first_stage(start, ladder), settings)
+    def init(problem: AnyProblem, start: AnyPoint, settings: Any) -> State:
+        memory = begun(problem, _first(problem, start, ladder), settings)
         nothing = ~jnp.any(problem.free)
         return State(start, no_forces(problem), jnp.asarray(0), nothing, memory)
 
-    def step(problem: Problem, state: State, settings: Any) -> State:
+    def step(problem: AnyProblem, state: State, settings: Any) -> State:
         stage, chart, x, _ = state.memory
         task = _task(problem, stage, chart, settings)
         new, inner, size, failed = descent.advance(task, x, state.memory.descent)
         # A line search that gives up may leave the shape anywhere.
         x = jnp.where(failed & ~(task.energy(new) < task.energy(x)), x, new)
         point = chart.point(problem, stage, x)
+        forces = stage.forces(problem, point)
         # The gradient's norm at which about that much is left to gain.
         target = jnp.sqrt(2 * chart.curvature * stage.left(problem, point, settings.tolerance))
         ends = failed | (size <= target)
 
         def turned():
-            following, agrees = next_stage(problem, point, stage)
-            last = following.number >= stage.ladder.shape[0] + PINNINGS
-            return begun(problem, following, settings), agrees | last
+            following, agrees = _next(problem, point, stage)
+            return begun(problem, following, settings), agrees | following.last
 
         def stayed():
             return _Memory(stage, chart, x, inner), jnp.asarray(False)
 
         memory, finished = jax.lax.cond(ends, turned, stayed)
         point = jax.tree.map(lambda a, b: jnp.where(ends, a, b), memory.stage.base, point)
-        return State(lifted(problem, point), state.forces, state.iterations + 1, finished, memory)
+        return State(lifted(problem, point), forces, state.iterations + 1, finished, memory)
 
-    return Method(settings, init, step, summary)
+    return Method(settings, init, step, summary, splines=on_splines is not None)
 
 
-def _task(problem: Problem, stage: Stage, chart: Coordinates, settings: Any) -> Task:
+def _first(problem: AnyProblem, start: AnyPoint, ladder: tuple[float, ...]) -> AnyStage:
+    if isinstance(problem, SplineProblem):
+        return first_springs(problem, start)
+    return first_stage(start, ladder)
+
+
+def _next(problem: AnyProblem, point: AnyPoint, stage: AnyStage) -> tuple[AnyStage, Array]:
+    if isinstance(stage, Springs):
+        return next_springs(problem, point, stage)
+    return next_stage(problem, point, stage)
+
+
+def _task(problem: AnyProblem, stage: AnyStage, chart: Coordinates, settings: Any) -> Task:
     return Task(chart.energy(problem, stage), chart.curvature, chart.bounds, settings)

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from jaxclay import local
-from jaxclay.certificate import SMALL
+from jaxclay.certificate import SMALL, Forces
 from jaxclay.clay import Array
+from jaxclay.methods.base import no_forces
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import Point
 
-PINNINGS = 10
+_PINNINGS = 10
 _PENALTY = 1e3  # first weight of the floor's penalty over k; grows as eps falls
 
 
@@ -57,6 +58,11 @@ class Stage(NamedTuple):
         return self.ladder[self._rung]
 
     @property
+    def last(self) -> Array:
+        """Whether there shall be no other."""
+        return self.number >= self.ladder.shape[0] + _PINNINGS
+
+    @property
     def _rung(self) -> Array:
         return jnp.minimum(self.number, self.ladder.shape[0] - 1)
 
@@ -83,6 +89,10 @@ class Stage(NamedTuple):
         smooth = problem.free_smooth(Point(kept, point.shift))
         kinks = self.friction(problem, point.shift)
         return smooth + kinks + self.penalty(problem, point.thickness)
+
+    def forces(self, problem: Problem, _point: Point) -> Forces:
+        """None are known."""
+        return no_forces(problem)
 
     def left(self, problem: Problem, point: Point, tolerance: Array) -> Array:
         """Energy that may be left to gain when the stage ends.
