@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 
@@ -69,7 +69,7 @@ class RoughShape:
     case_code: Array
     case_below_code: Array
 
-    def clay(self, before: Clay | SmoothClay) -> Clay | SmoothClay:
+    def clay(self, before: Clay | SmoothClay) -> Any:
         """The rough shape as clay, given the clay before the squash; a function as a polyline."""
         if isinstance(before, SmoothClay):
             low, high = self.heights[:-1, None], self.heights[1:, None]
@@ -110,7 +110,7 @@ def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> Rou
     """
     if not isinstance(problem, Problem):
         if discrete:
-            raise ValueError("discrete=True belongs to scheme \"paper\", not to \"spline\"")
+            raise ValueError('discrete=True belongs to scheme "paper", not to "spline"')
         return problem.rough
     return in_float64("rough_shape", _discrete if discrete else _continuum, problem)
 
