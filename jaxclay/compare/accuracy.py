@@ -37,7 +37,7 @@ class Effort(NamedTuple):
     slices, few : tuples of int
         Grids of newton on the paper's scheme, and of the other methods.
     elements : tuple of int
-        Equal spans on each side, for degrees 3 to 5.
+        Equal spans on each side, for degree 5; every other for degrees 3 and 4.
     tolerances : tuple of float
         For spans that adapt.
     truth : float
@@ -80,7 +80,9 @@ QUICK = THOROUGH._replace(
 def ways(effort: Effort, others: bool) -> list[Way]:
     """Every way that a scene is solved in; ``others`` are the methods beside newton."""
     chosen = [Way("paper", "newton", 0, False, n) for n in effort.slices]
-    chosen += [Way("spline", "newton", p, False, e) for p in (3, 4, 5) for e in effort.elements]
+    for degree in (3, 4, 5):
+        elements = effort.elements if degree == 5 else effort.elements[::2]
+        chosen += [Way("spline", "newton", degree, False, count) for count in elements]
     chosen += [Way("spline", "newton", 5, True, tolerance) for tolerance in effort.tolerances]
     if others:
         names = [name for name in METHODS if name != "newton"]

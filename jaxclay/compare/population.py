@@ -49,14 +49,14 @@ class RandomScene(NamedTuple):
     snake: bool
 
 
-def population(count: int, seed: int = 0) -> Iterator[RandomScene]:
+def population(count: int, seed: int = 0, worked: bool = True) -> Iterator[RandomScene]:
     """Yield ``count`` random scenes, the same for the same seed.
 
     r0 is uniform in [0.2, 1], mu = 10^U[-1.5, 0.3], alpha and beta 10^U[-2, 1] each, half of the
     materials in snake units of 64 slices.  One piece in four has gone through three squashes like
     the last, solved by splines: its Y0(u) is a function, the same whichever scheme goes on from
-    there.  What cannot be posed, as its band lies above what earlier squashes
-    left, is drawn again.
+    there; without ``worked`` such pieces are left out.  What cannot be posed, as its band lies
+    above what earlier squashes left, is drawn again.
     """
     rng = np.random.default_rng(seed)
     number, made = -1, 0
@@ -66,6 +66,8 @@ def population(count: int, seed: int = 0) -> Iterator[RandomScene]:
         earlier = _EARLIER if rng.random() < 0.25 else 0
         squashes = [_squash(rng, r0) for _ in range(earlier + 1)]
         material, snake = _material(rng)
+        if earlier and not worked:
+            continue
         clay = _worked(r0, squashes[:-1], material)
         if clay is not None and float(squashes[-1].bottom) < float(clay.height):
             made += 1
