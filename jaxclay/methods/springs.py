@@ -29,7 +29,7 @@ _TIGHT = 1e-7  # from which stages end at the tolerance, and the solve may
 _ROUNDS = 60  # at most, at the last eps
 _FLOOR = 1e3  # first stiffness of the floor over k; grows as eps falls
 _HOME = 1e-2  # displacement over eps within which clay is put back to rest
-_AGREES = 1e-1  # of what the certificate accepts
+_AGREES = 1e-2  # of what the certificate accepts
 
 
 class Springs(NamedTuple):
