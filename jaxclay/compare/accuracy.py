@@ -37,7 +37,8 @@ class Effort(NamedTuple):
     slices, few : tuples of int
         Grids of newton on the paper's scheme, and of the other methods.
     elements : tuple of int
-        Equal spans on each side, for degree 5; every other for degrees 3 and 4.
+        Equal spans on each side, for degree 5; every other for degrees 3 and 4, the middle one
+        for methods other than newton.
     tolerances : tuple of float
         For spans that adapt.
     truth : float
@@ -87,6 +88,9 @@ def ways(effort: Effort, others: bool) -> list[Way]:
     if others:
         names = [name for name in METHODS if name != "newton"]
         chosen += [Way("paper", name, 0, False, n) for name in names for n in effort.few]
+        spans = effort.elements[len(effort.elements) // 2]
+        able = [name for name in names if METHODS[name].splines]
+        chosen += [Way("spline", name, 5, False, spans) for name in able]
     return chosen
 
 

@@ -1,0 +1,85 @@
+"""Part g of the spline benchmark: many squashes at once, on all cores."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from newton_timing import Bound, Part, table
+from spline_scenes import Effort
+
+from jaxclay.compare.population import population
+from jaxclay.compare.solves import on_device, seconds_of
+from jaxclay.methods.choice import spline_settings
+from jaxclay.schemes.spline import host
+from jaxclay.schemes.spline.solve import answered
+
+WANTED = {"8 fixed spans": 10_000.0, "adaptive to 1e-4": 3_000.0}  # a second
+_SPANS = 24
+
+
+def batched(effort: Effort) -> Part:
+    """Part g: vmap and lax.map inside one compiled call, one thread and one a core."""
+    threads = os.cpu_count() or 1
+    scenes = _stacked(effort.batch)
+    names = "vmap", "lax.map", f"vmap, {threads} threads", f"lax.map, {threads} threads"
+    found = table(f"g. {effort.batch} squashes of cylinders at once, a second", "spans", *names)
+    bounds, notes = [], ["g. scenes that begin with a cylinder, bands at the bottom or above it"]
+    for (name, wanted), one in zip(WANTED.items(), (_fixed, _adaptive), strict=True):
+        rates = []
+        for count in (1, threads):
+            for many in (jax.vmap, lambda f: lambda s: jax.lax.map(f, s)):
+                rates.append(effort.batch / _seconds(jax.jit(many(one)), scenes, count, effort))
+        found.add_row(name, *(f"{rate:.0f}" for rate in rates))
+        best = max(rates)
+        what = f"g. squashes a second, {name}, {threads} cores"
+        bounds.append(Bound(what, f">= {wanted:g}", f"{best:.0f}", best >= wanted))
+    with jax.enable_x64(True):
+        full, converged = jax.jit(lambda s: jax.lax.map(_adaptive, s))(scenes)
+    notes.append(
+        f"g. adaptive: {float(jnp.mean(~full)):.1%} fit into {_SPANS} spans, "
+        f"{float(jnp.mean(converged)):.1%} converged"
+    )
+    return Part(found, bounds, notes)
+
+
+def _stacked(count: int) -> Any:
+    """Scenes as one tree of arrays."""
+    scenes = population(count, seed=1, worked=False)
+    chosen = [jax.tree.map(np.asarray, (one.clay, one.squash, one.material)) for one in scenes]
+    return on_device(jax.tree.map(lambda *leaves: np.stack(leaves), *chosen))
+
+
+def _fixed(scene):
+    problem = host._posed.traced(*scene, degree=5, elements=8, sides=2)
+    start = host._start(problem, problem.even())
+    answer = answered.traced(problem, start, spline_settings("newton", {}), method="newton")
+    return answer.outcome.iterations, answer.verdict.clay
+
+
+def _adaptive(scene):
+    answer = host._adapted.traced(
+        *scene, 1e-4, spline_settings("newton", {}),
+        degree=5, sides=2, spans=_SPANS, kinks=0, differentiable=False,
+    )  # fmt: skip
+    return answer.full, answer.verdict.code == 0
+
+
+def _seconds(solve: Callable, scenes: Any, threads: int, effort: Effort) -> float:
+    """Median seconds of all scenes, parted among threads, each with a compiled call of its own."""
+    count = len(jax.tree.leaves(scenes)[0])
+    ends = np.linspace(0, count, threads + 1).astype(int)
+    parts = [jax.tree.map(lambda leaf, a=a, b=b: leaf[a:b], scenes) for a, b in pairwise(ends)]
+
+    def run(part):
+        with jax.enable_x64(True):
+            return jax.block_until_ready(solve(part))
+
+    with ThreadPoolExecutor(threads) as pool:
+        return seconds_of(lambda: list(pool.map(run, parts)), 10 * effort.seconds)
