@@ -25,7 +25,7 @@ from jaxclay._host import is_concrete
 Array = Any
 
 DEGREE = 5
-_BISECTIONS, _NEWTON_STEPS = 12, 5  # down to 1e-4 of a piece, then quadratically to rounding
+_BISECTIONS, _NEWTON_STEPS = 20, 5  # down to 1e-6 of a piece, then quadratically to rounding
 
 
 def evaluate(breaks: Array, control: Array, u: Array, orders: int = 4) -> tuple[Array, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from newton_timing import Bound, Part, table
 from spline_scenes import Effort
 
+from jaxclay._host import Compiled
 from jaxclay.compare.population import population
 from jaxclay.compare.solves import on_device, seconds_of
 from jaxclay.methods.choice import spline_settings
@@ -32,16 +33,15 @@ def batched(effort: Effort) -> Part:
     found = table(f"g. {effort.batch} squashes of cylinders at once, a second", "spans", *names)
     bounds, notes = [], ["g. scenes that begin with a cylinder, bands at the bottom or above it"]
     for (name, wanted), one in zip(WANTED.items(), (_fixed, _adaptive), strict=True):
-        rates = []
-        for count in (1, threads):
-            for many in (jax.vmap, lambda f: lambda s: jax.lax.map(f, s)):
-                rates.append(effort.batch / _seconds(jax.jit(many(one)), scenes, count, effort))
+        ways = [Compiled(many(one)).whole for many in (jax.vmap, _mapped)]
+        times = [_seconds(way, scenes, t, effort) for t in (1, threads) for way in ways]
+        rates = effort.batch / np.array(times)
         found.add_row(name, *(f"{rate:.0f}" for rate in rates))
-        best = max(rates)
+        best = float(np.max(rates))
         what = f"g. squashes a second, {name}, {threads} cores"
         bounds.append(Bound(what, f">= {wanted:g}", f"{best:.0f}", best >= wanted))
     with jax.enable_x64(True):
-        full, converged = jax.jit(lambda s: jax.lax.map(_adaptive, s))(scenes)
+        full, converged = Compiled(_mapped(_adaptive)).whole(scenes)
     notes.append(
         f"g. adaptive: {float(jnp.mean(~full)):.1%} fit into {_SPANS} spans, "
         f"{float(jnp.mean(converged)):.1%} converged"
@@ -54,6 +54,10 @@ def _stacked(count: int) -> Any:
     scenes = population(count, seed=1, worked=False)
     chosen = [jax.tree.map(np.asarray, (one.clay, one.squash, one.material)) for one in scenes]
     return on_device(jax.tree.map(lambda *leaves: np.stack(leaves), *chosen))
+
+
+def _mapped(one: Callable) -> Callable:
+    return lambda scenes: jax.lax.map(one, scenes)
 
 
 def _fixed(scene):
@@ -72,9 +76,9 @@ def _adaptive(scene):
 
 
 def _seconds(solve: Callable, scenes: Any, threads: int, effort: Effort) -> float:
-    """Median seconds of all scenes, parted among threads, each with a compiled call of its own."""
-    count = len(jax.tree.leaves(scenes)[0])
-    ends = np.linspace(0, count, threads + 1).astype(int)
+    """Median seconds of all scenes in a compiled call for each core's share, on some threads."""
+    count, cores = len(jax.tree.leaves(scenes)[0]), os.cpu_count() or 1
+    ends = count // cores * np.arange(cores + 1)
     parts = [jax.tree.map(lambda leaf, a=a, b=b: leaf[a:b], scenes) for a, b in pairwise(ends)]
 
     def run(part):

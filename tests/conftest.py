@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import jax
 import pytest
 
 _BOTTLES = Path(__file__).resolve().parents[2] / "shared" / "profiles"
@@ -12,3 +13,15 @@ def bottles() -> list[Path]:
     if not files:
         pytest.skip("the bottle profiles are not beside this checkout (../shared/profiles)")
     return files
+
+
+@pytest.fixture(scope="module", autouse=True)
+def room_for_executables():
+    """Let go of what is compiled before the kernel's limit of mappings a process (65,530).
+
+    JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
+    """
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and len(maps.read_text().splitlines()) > 20_000:
+        jax.clear_caches()

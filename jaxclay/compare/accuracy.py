@@ -101,7 +101,8 @@ def run(
     for index, scene in enumerate(population(effort.scenes, seed)):
         exact = truth(scene, effort.truth)
         if not float(exact.error_estimate or np.inf) <= _TRUE * effort.truth:
-            yield {"scene": scene.number, "status": "skipped", "limit": NO_TRUTH}
+            missing = {"method": "newton", "status": "skipped", "limit": NO_TRUTH}
+            yield {"scene": scene.number, **missing}
             continue
         for way in ways(effort, index < effort.slow):
             tick(f"scene {scene.number} {way.scheme} {way.method} {way.size:g}")
