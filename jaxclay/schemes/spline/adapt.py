@@ -30,6 +30,7 @@ from jaxclay.solution import Verdict
 
 LEVELS = 10
 _ROOM = 0.5  # error of a span over the tolerance that is left alone
+_SHARE = 0.3  # and over the worst span's
 _FAR = 40.0  # the same from which a span is cut in four
 _LOOSE = 0.1  # energy left, relative to E_free, over the tolerance squared
 _SMOOTH = 1e-2  # friction's smoothing over the tolerance, before the last level
@@ -177,8 +178,8 @@ def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) ->
     problem, outcome = now.problem, now.outcome
     found = estimate(squashed, problem, outcome.point, tolerance, settings)
     # Beside no minimum the estimate means nothing.
-    errors = jnp.where(outcome.finite & outcome.finished, found.spans, jnp.inf)
-    error = jnp.max(errors)
+    solved = outcome.finite & outcome.finished
+    error, errors = (jnp.where(solved, e, jnp.inf) for e in (found.error, found.spans))
     end = mesh.free_length(squashed.band)
     inner, full = _refined(problem, now.inner, errors / tolerance, end)
     hopeless = ~outcome.finished & (now.number >= _TRIALS)
@@ -197,7 +198,8 @@ def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) ->
 def _refined(problem: SplineProblem, inner: Array, errors: Array, end: Array):
     """Inner knots with spans cut in two, or four, and whether there is no room for all of them."""
     left, length = bspline.spans(problem.space.knots, problem.space.degree)
-    cut = (errors > _ROOM) & (length > 0)
+    worst = jnp.max(jnp.where(length > 0, errors, 0.0))
+    cut = (errors > jnp.minimum(_ROOM, _SHARE * worst)) & (length > 0)
     four = cut & (errors > _FAR) & jnp.isfinite(errors)
     quarters = [
         jnp.where(four if share != 0.5 else cut, left + share * length, end)

@@ -37,14 +37,17 @@ class Estimate(NamedTuple):
 
     Attributes
     ----------
+    error : scalar
+        Of the contour, over l.
     spans : (S,) array
-        Error of the contour over l in each span.
+        What each span adds to it, over l: its radius' own, and by how much clay above is shifted.
     function : ((2S+1,), (2S, 6)) arrays
         The displacement on the finer mesh, as in :func:`displaced`.
     iterations : int
         Steps taken there.
     """
 
+    error: Array
     spans: Array
     function: tuple[Array, Array]
     iterations: Array
@@ -66,13 +69,14 @@ def estimate(
     start = fine.point(coefficients)
     end, steps = _stepped(fine, start, tolerance, settings)
     change = end.coefficients - start.coefficients
-    errors = _apart(fine, end.coefficients, change)
+    errors, added = _apart(fine, end.coefficients, change)
     begins, _ = bspline.spans(finer, degree)
     owner = jnp.sum(begins[:, None] >= left, axis=1) - 1
     # Of spans that begin at one place the last has a length.
     mine = owner[None] == jnp.arange(left.shape[0])[:, None]
-    spans = _SAFETY * jnp.max(jnp.where(mine, errors, 0.0), axis=1)
-    return Estimate(spans, displaced(fine.space, end.coefficients), steps)
+    spans = _SAFETY * jnp.max(jnp.where(mine, added, 0.0), axis=1)
+    error = _SAFETY * jnp.max(errors)
+    return Estimate(error, spans, displaced(fine.space, end.coefficients), steps)
 
 
 def near(problem: SplineProblem, point: Point, eps: Array) -> Start:
@@ -109,10 +113,11 @@ def _stepped(fine: SplineProblem, start: Point, tolerance: Array, settings):
     return state.point._replace(coefficients=coefficients), state.iterations
 
 
-def _apart(fine: SplineProblem, coefficients: Array, change: Array) -> Array:
+def _apart(fine: SplineProblem, coefficients: Array, change: Array) -> tuple[Array, Array]:
     """(S,) largest distance normal to the contour, over l, that a change of w makes in each span.
 
-    inf where it is not finite.
+    And what of it comes from the span itself: a squeeze that is off shifts all clay beyond,
+    where the mesh may be as fine as it likes.  inf where they are not finite.
     """
     degree, knots = fine.space.degree, fine.space.knots
     left, length = bspline.spans(knots, degree)
@@ -127,7 +132,14 @@ def _apart(fine: SplineProblem, coefficients: Array, change: Array) -> Array:
     r0 = fine.rest.r0
     X_u = -r0 / 2 * Y_u**-1.5 * Y_uu
     dX = r0 / jnp.sqrt(Y_u) - r0 / jnp.sqrt(Y_u - dw[..., 1])
-    across = jnp.abs(dX * Y_u - dw[..., 0] * X_u) / jnp.hypot(X_u, Y_u)
+    normal = jnp.hypot(X_u, Y_u)
+    across = jnp.abs(dX * Y_u - dw[..., 0] * X_u) / normal
     top = jnp.where(left + length >= knots[-1], jnp.abs(dw[:, -1, 0]), 0.0)
-    far = jnp.maximum(jnp.max(across, axis=1), top)
-    return jnp.where(length > 0, jnp.where(jnp.isfinite(far), far, jnp.inf), 0.0)
+    error = jnp.maximum(jnp.max(across, axis=1), top)
+    own = jnp.max(jnp.abs(dX * Y_u) / normal, axis=1)
+    added = jnp.maximum(own, jnp.abs(dw[:, -1, 0] - dw[:, 0, 0]))
+
+    def finite(values):
+        return jnp.where(length > 0, jnp.where(jnp.isfinite(values), values, jnp.inf), 0.0)
+
+    return finite(error), finite(added)

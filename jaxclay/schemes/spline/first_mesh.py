@@ -22,8 +22,10 @@ _EDGE, _REACH, _SAG = 0.8, 0.8, 0.5  # first spans, over the layer's thickness a
 _SHARP = 3.0  # reaches over the layer's thickness from which a kink is worth a knot
 _VISIBLE = 0.2  # sag of the radius over the tolerance that is worth spans
 _STILL = 0.1  # displacement over the tolerance from which the rest shape's breaks are knots
-_NARROW = 0.05  # of a layer: spans of the first mesh are longer
-_KINK = 0.5  # effect on the radius of a kink of the rest shape over the tolerance, worth knots
+_NARROW = 0.05  # of a layer: spans of the first mesh are no shorter
+_MOST = 5  # knots at one place
+_FELT = 0.02  # effect on the contour of a kink of the rest shape over the tolerance, worth a knot
+_KINK = 0.5  # and worth knots at which the displacement may have a kink
 
 
 def first_mesh(
@@ -34,31 +36,20 @@ def first_mesh(
     end = mesh.free_length(band)
     inner = mesh.graded(band, _density(squashed, tolerance), _COUNT, sides)
     if kinks:
-        inner = jnp.concatenate([inner, _inherited(squashed, tolerance, degree, kinks)])
-        inner = _apart(inner, band, _NARROW * jnp.min(_layers(squashed)))
+        least = _NARROW * jnp.min(_layers(squashed))
+        single, strong = _inherited(squashed, tolerance, kinks)
+        inner = jnp.concatenate([inner, single])
+        inner = _apart(inner, strong, band, least, _times(squashed.material, degree))
     return jnp.sort(jnp.concatenate([inner, jnp.broadcast_to(end, spans)]))[:spans]
 
 
-def _apart(inner: Array, band: Band, least: Array) -> Array:
-    """The knots without those that lie by less than ``least`` beside another or an end.
+def _inherited(squashed: Squashed, tolerance: Array, count: int) -> tuple[Array, Array]:
+    """Places of knots at the rest shape's breaks where its details matter, L for none.
 
-    Spans far shorter than all others would drown them in rounding.
-    """
-    end = mesh.free_length(band)
-    ends = jnp.stack([jnp.zeros(()), band.lower, end])
-    beside = jnp.any(jnp.abs(inner[:, None] - ends) < least, axis=1)
-    inner = jnp.sort(jnp.where(beside, end, inner))
-    gap = jnp.append(jnp.inf, jnp.diff(inner))
-    return jnp.where((gap > 0) & (gap < least), end, inner)
-
-
-def _inherited(squashed: Squashed, tolerance: Array, degree: int, count: int) -> Array:
-    """Knots at the rest shape's breaks where its details matter.
-
-    Once where the sliced cylinder model moves clay: a squeeze of a shape with details has
-    details at the same places.  Bending smooths a jump of Y0_uuu, as old bands leave it,
-    wherever clay moves, so that w has it too: at the ``count`` worst breaks knots repeated
-    p - 2 times let it, p - 1 times without bending and p times without any smoothing.
+    (m-1,) where the sliced cylinder model moves clay, as a squeeze of a shape with details has
+    details at the same places, and where a jump of Y0_uuu within a span would spoil its
+    quadrature.  (count,) the worst of those at which the displacement needs to have a kink,
+    worst first.
     """
     rest, band = squashed.rest, squashed.band
     at = rest.breaks[1:-1]
@@ -67,22 +58,54 @@ def _inherited(squashed: Squashed, tolerance: Array, degree: int, count: int) ->
     end = mesh.free_length(band)
     shift = jnp.abs(squashed.rough.point.shift[::PARTS])
     moves = jnp.maximum(shift[:-2], shift[2:]) > _STILL * tolerance
-    effect = jnp.where(outside, _kinked(squashed), 0.0)
-    effect, worst = jax.lax.top_k(effect, min(count, at.shape[0]))
-    strong = effect > _KINK * tolerance
-    material = squashed.material
-    times = degree - 2 + jnp.where(material.beta > 0, 0, jnp.where(material.alpha > 0, 1, 2))
-    wanted = strong[:, None] & (jnp.arange(degree) < times)
-    repeated = jnp.where(wanted, place[worst][:, None], end)
-    # A kink's knots are counted once: one more would let the curvature jump.
-    index = jnp.arange(at.shape[0])
-    taken = jnp.any((index[:, None] == worst) & strong, axis=1)
-    single = jnp.where(moves & outside & ~taken, place, end)
-    return jnp.concatenate([single, repeated.reshape(-1)])
+    kinked = _kinked(squashed)
+    effect, worst = jax.lax.top_k(jnp.where(outside, kinked, 0.0), min(count, at.shape[0]))
+    strong = jnp.where(effect > _KINK * tolerance, place[worst], end)
+    felt = jnp.where(outside, kinked, 0.0) > _FELT * tolerance
+    return jnp.where((moves | felt) & outside, place, end), strong
+
+
+def _times(material: Material, degree: int) -> Array:
+    """How often a knot is repeated for a kink of w as the energy leaves it at a kink of Y0.
+
+    Bending smooths a jump of Y0_uuu, as old bands leave it, wherever clay moves, so that w
+    has it too; without bending a jump of Y0_uu, and without any smoothing of Y0_u.
+    """
+    return degree - 2 + jnp.where(material.beta > 0, 0, jnp.where(material.alpha > 0, 1, 2))
+
+
+def _apart(inner: Array, strong: Array, band: Band, least: Array, times: Array) -> Array:
+    """Knots at distances of at least ``least``, ``strong`` ones repeated and before others.
+
+    Spans far shorter than all others would drown them in rounding, and repeated knots
+    beside another act as if repeated once more.
+    """
+    end = mesh.free_length(band)
+    ends = jnp.stack([jnp.zeros(()), band.lower, end])
+
+    def near(places, others):
+        return jnp.abs(places[:, None] - others) < least
+
+    worse = jnp.tril(jnp.ones((strong.shape[0],) * 2, bool), -1)
+    beside = jnp.any(near(strong, ends), axis=1) | jnp.any(near(strong, strong) & worse, axis=1)
+    strong = jnp.where(beside, end, strong)
+    beside = jnp.any(near(inner, jnp.concatenate([ends, strong])), axis=1)
+    inner = jnp.sort(jnp.where(beside, end, inner))
+    # Of cells as wide as ``least`` every second one keeps its first knot, the others theirs
+    # if it is far enough from those: long rows of near knots are thinned, not lost.
+    cell = jnp.floor(inner / least)
+    first = jnp.diff(cell, prepend=-1.0) > 0
+    kept = first & (cell % 2 == 0)
+    kept |= first & ~jnp.any(near(inner, inner) & kept, axis=1)
+    repeated = jnp.where(jnp.arange(_MOST) < times, strong[:, None], end)
+    return jnp.concatenate([jnp.where(kept, inner, end), repeated.reshape(-1)])
 
 
 def _kinked(squashed: Squashed) -> Array:
-    """(m-1,) about how far the radius is off where a jump at a break is smoothed over a layer."""
+    """(m-1,) how far the contour is off, about, where a jump at a break is smoothed over a layer.
+
+    Its radius there, or in a thin neck the height of all above.
+    """
     rest = squashed.rest
     width = jnp.diff(rest.breaks)
     width = jnp.where(width > 0, width, 1.0)
@@ -95,7 +118,7 @@ def _kinked(squashed: Squashed) -> Array:
     slope = jnp.where(filled, begin[1][1:], 1.0)
     layer = _layer(slope, rest.r0, squashed.material)
     of_slope = jump[1] + jump[2] * layer / 8 + jump[3] * layer**2 / 32
-    return rest.r0 / 2 * slope**-1.5 * of_slope
+    return jnp.maximum(rest.r0 / 2 * slope**-1.5, layer) * of_slope
 
 
 def _density(squashed: Squashed, tolerance: Array) -> mesh.Density:
