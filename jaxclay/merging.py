@@ -31,7 +31,7 @@ def merged(
     tolerance : float
         Over l.
     """
-    breaks, control = _without_empty(breaks, control)
+    breaks, control = without_empty(breaks, control)
     given = _Given(breaks, control, float(r0))
     first = np.arange(len(breaks))  # piece j now covers the given first[j] .. first[j+1] - 1
     pairs = np.arange(len(control) - 1)  # j: whether pieces j and j + 1 merge is not known yet
@@ -106,7 +106,8 @@ def _every_other(pairs: np.ndarray) -> np.ndarray:
     return pairs[(place - np.maximum.accumulate(np.where(starts, place, 0))) % 2 == 0]
 
 
-def _without_empty(breaks: np.ndarray, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def without_empty(breaks: np.ndarray, control: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same clay without pieces whose width is none but for rounding."""
     filled = np.diff(breaks) > _NO_WIDTH
     starts = breaks[:-1][filled]
     starts[0] = 0.0

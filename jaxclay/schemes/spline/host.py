@@ -18,7 +18,7 @@ from jaxclay.certificate import Forces
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.conversion import as_smooth, interpolated
 from jaxclay.loop import Start
-from jaxclay.merging import merged, padded
+from jaxclay.merging import merged, padded, without_empty
 from jaxclay.schemes.spline import mesh
 from jaxclay.schemes.spline.adapt import Adapted, adapted
 from jaxclay.schemes.spline.pose import located, meshed
@@ -180,11 +180,9 @@ def _solution(answer, method: str, levels: Array, error: Array | None, fold: flo
     breaks, control = verdict.clay
     before = problem.clay
     if not is_transformed(answer):
-        filled = np.diff(breaks) > 0
-        if filled.sum() > _FOLDED and np.isfinite(control).all():
+        breaks, control = without_empty(breaks, control)
+        if len(control) > _FOLDED and np.isfinite(control).all():
             breaks, control = merged(breaks, control, float(before.r0), float(before.unit), fold)
-        else:
-            breaks, control = np.append(breaks[:-1][filled], 1.0), control[filled]
     return Solution(
         clay=unchecked_smooth_clay(breaks, control, before.r0, before.unit),
         point=verdict.point,
