@@ -34,6 +34,7 @@ _SHARE = 0.3  # and over the worst span's
 _FAR = 40.0  # the same from which a span is cut in four
 _LOOSE = 0.1  # energy left, relative to E_free, over the tolerance squared
 _SMOOTH = 1e-2  # friction's smoothing over the tolerance, before the last level
+_MISPLACED = 0.5  # strain by friction of the wrong sign, over the tolerance, that is let be
 _PATIENCE = 60  # iterations on a mesh before the last
 _TRIALS = 2  # meshes that may go unsolved
 _EPS = 1e-6  # the same at the start of a level, over l
@@ -67,6 +68,7 @@ class _Level(NamedTuple):
     outcome: Outcome
     function: tuple[Array, Array]  # the displacement of the estimate, to start from
     number: Array
+    again: Array  # whether this level's mesh has been solved on before
     levels: Array
     error: Array
     full: Array
@@ -128,9 +130,14 @@ def _levels(squashed, tolerance, settings, degree, sides, spans, kinks) -> _Leve
             outcome=outcome,
             levels=now.levels.at[now.number].add(outcome.iterations),
         )
+        function = displaced(problem.space, outcome.point.coefficients)
+        repeats = ~now.again & _misplaced(problem, function, tolerance)
+        repeated = now._replace(function=_longer(*function), again=jnp.asarray(True))
         polished = now._replace(done=jnp.asarray(True))
         return jax.lax.cond(
-            now.polishes, lambda: polished, lambda: _judged(squashed, now, tolerance, loose)
+            now.polishes | repeats,
+            lambda: jax.tree.map(lambda a, b: jnp.where(now.polishes, a, b), polished, repeated),
+            lambda: _judged(squashed, now, tolerance, loose),
         )
 
     inner = first_mesh(squashed, tolerance, degree, sides, spans, kinks)
@@ -151,7 +158,7 @@ def _first(squashed: Squashed, inner: Array, settings: Any, degree: int, sides: 
     done = ~squashed.rough.feasible
     levels = jnp.zeros(LEVELS, int)
     return _Level(
-        inner, problem, outcome, function, none, levels, jnp.asarray(jnp.inf), no, no, done
+        inner, problem, outcome, function, none, no, levels, jnp.asarray(jnp.inf), no, no, done
     )
 
 
@@ -166,11 +173,32 @@ def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
     problem = on_knots(squashed, knots, breaks, degree)
     point = problem.point(jnp.where(problem.fixed, problem.shift, carried))
     above = jnp.all(jnp.where(problem.loose, problem.slack(point) > 0, True))
-    usable = above & (now.number > 0)
+    usable = above & ((now.number > 0) | now.again)
     point = problem.point(jnp.where(usable, point.coefficients, problem.even()))
     start = near(problem, point, jnp.asarray(_EPS))
     anew = cold(problem, point)
     return problem, jax.tree.map(lambda a, b: jnp.where(usable, a, b), start, anew)
+
+
+def _longer(v: Array, control: Array) -> tuple[Array, Array]:
+    """The same function with as many empty spans at the end."""
+    end = jnp.broadcast_to(v[-1], control.shape[0])
+    return jnp.append(v, end), jnp.concatenate([control, jnp.zeros_like(control)])
+
+
+def _misplaced(problem: SplineProblem, function, tolerance: Array) -> Array:
+    """Whether friction's cells meet so far from where the displacement changes sign that it shows.
+
+    Between them friction has the wrong sign, which strains the clay by 2 mu / k of the way.
+    """
+    v, control = function
+    broken = crossings(control)
+    cells = problem.space.friction_weight.reshape(broken.shape[0], -1)
+    first = jnp.sum(cells[:, : cells.shape[1] // 2], axis=1)
+    way = jnp.abs(broken * jnp.diff(v) - first)
+    moves = jnp.max(jnp.abs(control), axis=1) > _SMOOTH * tolerance
+    shows = 2 * problem.material.mu * way > _MISPLACED * tolerance * problem.material.k
+    return jnp.any((broken != 0.5) & moves & shows)
 
 
 def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) -> _Level:
@@ -188,6 +216,7 @@ def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) ->
         inner=jnp.where(polishes, now.inner, inner),
         function=found.function,
         number=jnp.where(polishes, now.number, now.number + 1),
+        again=jnp.asarray(False),
         levels=now.levels.at[now.number].add(found.iterations),
         error=error,
         full=full & (error > tolerance),

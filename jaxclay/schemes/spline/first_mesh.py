@@ -15,11 +15,12 @@ from jaxclay.band import Band
 from jaxclay.clay import Array, Material
 from jaxclay.schemes.spline import mesh
 from jaxclay.schemes.spline.pose import PARTS, Squashed
+from jaxclay.schemes.spline.problem import Rest
 
-_COUNT = 16  # knots at most on each stretch of the first mesh
-_USUAL = 1e-4  # the tolerance that the lengths below are for
-_EDGE, _REACH, _SAG = 0.8, 0.8, 0.5  # first spans, over the layer's thickness and the sag's depth
-_SHARP = 3.0  # reaches over the layer's thickness from which a kink is worth a knot
+_COUNT = 32  # knots at most on each stretch of the first mesh
+# First spans over a layer's length, were it as high as the tolerance.
+_EDGE, _REACH, _SAG, _END = 2.7, 3.0, 8.0, 4.5
+_FADE, _FALL = 8.0, 4.0  # distance in which spans grow by e over the layer's length
 _VISIBLE = 0.2  # sag of the radius over the tolerance that is worth spans
 _STILL = 0.1  # displacement over the tolerance from which the rest shape's breaks are knots
 _NARROW = 0.05  # of a layer: spans of the first mesh are no shorter
@@ -34,7 +35,7 @@ def first_mesh(
     """(spans,) inner knots."""
     band = squashed.band
     end = mesh.free_length(band)
-    inner = mesh.graded(band, _density(squashed, tolerance), _COUNT, sides)
+    inner = mesh.graded(band, _features(squashed, tolerance), _COUNT, sides)
     if kinks:
         least = _NARROW * jnp.min(_layers(squashed))
         single, strong = _inherited(squashed, tolerance, kinks)
@@ -116,44 +117,69 @@ def _kinked(squashed: Squashed) -> Array:
         jnp.where(filled, jnp.abs(b[1:] - e[:-1]), 0.0) for b, e in zip(begin, end, strict=True)
     ]
     slope = jnp.where(filled, begin[1][1:], 1.0)
-    layer = _layer(slope, rest.r0, squashed.material)
+    layer, _ = _lengths(slope, rest.r0, squashed.material)
     of_slope = jump[1] + jump[2] * layer / 8 + jump[3] * layer**2 / 32
     return jnp.maximum(rest.r0 / 2 * slope**-1.5, layer) * of_slope
 
 
-def _density(squashed: Squashed, tolerance: Array) -> mesh.Density:
+def _features(squashed: Squashed, tolerance: Array) -> mesh.Features:
+    """The layers at the band's edges, at the ends of the reach, and at a free top that sags.
+
+    A layer's function A exp(-x / d) takes spans of c d (tolerance / A)^(1/5) exp(x / (5 d)).
+    """
     _, rest, tool, material, band, rough = squashed
-    top = bernstein.evaluate(rest.breaks, rest.control, jnp.ones(()), 2)[1]
-    layer = _layers(squashed)
-    finer = (tolerance / _USUAL) ** 0.2  # the radius is of order 5 in the spans
+    slope = _edge_slopes(rest, band)
+    fast, slow = _lengths(slope, rest.r0, material)
+    radius = rest.r0 * slope**-0.5
+    jump = jnp.abs(tool.radius - radius)
     reach = jnp.stack([band.lower - rough.reach_below, rough.reach - band.upper])
     span = jnp.stack([band.lower, 1 - band.upper])
-    case = jnp.stack([rough.case_below_code, rough.case_code])
-    sharp = (case == 1) & (reach > _SHARP * layer)
+    ends = (reach < 0.999 * span) & (reach > 0)
+    bend = radius * material.mu / (2 * material.k) * jnp.minimum(slow, span)
+    top = bernstein.evaluate(rest.breaks, rest.control, jnp.ones(()), 2)[1]
     sag = material.alpha * top**1.5 / material.k * rest.r0
-    depth = 2 * material.alpha * top / jnp.maximum(material.mu, 1e-9)
-    sags = ~tool.top_fixed & (sag > _VISIBLE * tolerance)
-    last = jnp.where(sags, finer * jnp.maximum(_EDGE * layer[1], _SAG * depth), jnp.inf)
-    return mesh.Density(
-        edge=finer * _EDGE * layer,
-        reach=jnp.where(sharp, reach, 2 * span + 1),
-        at_reach=finer * _REACH * layer,
-        end=jnp.stack([jnp.asarray(jnp.inf), last]),
-    )
+    depth = jnp.maximum(2 * material.alpha * top / jnp.maximum(material.mu, 1e-9), fast[1])
+    sags = jnp.stack([jnp.asarray(False), ~tool.top_fixed & (sag > _VISIBLE * tolerance)])
+
+    def length(scale, size, share, order=5):
+        """Of the first span."""
+        finer = jnp.minimum(tolerance / jnp.maximum(size, tolerance), 1.0) ** (1 / order)
+        return jnp.where(size > tolerance, share * scale * finer, jnp.inf)
+
+    none = jnp.inf
+    first = [
+        length(fast, jump * fast / slow, _EDGE),
+        length(slow, jump * (1 - fast / slow), _EDGE),
+        jnp.where(ends, length(jnp.minimum(slow, span), bend, _REACH, 3), none),
+        jnp.where(sags, length(depth, sag, _SAG), none),
+        jnp.where(
+            sags,
+            length(fast, sag * fast / slow, _SAG),
+            jnp.where(ends, none, length(fast, bend, _END)),
+        ),
+    ]
+    fade = [_FADE * fast, _FADE * slow, _FALL * slow, _FADE * jnp.full(2, depth), _FADE * fast]
+    nothing = jnp.zeros(2)
+    distance = [nothing, nothing, jnp.where(ends, reach, 0.0), span, span]
+    return mesh.Features(*(jnp.stack(leaf, axis=1) for leaf in (distance, first, fade)))
 
 
 def _layers(squashed: Squashed) -> Array:
     """(2,) thickness of the layers at the band's edges."""
-    rest, band = squashed.rest, squashed.band
+    rest = squashed.rest
+    return _lengths(_edge_slopes(rest, squashed.band), rest.r0, squashed.material)[0]
+
+
+def _edge_slopes(rest: Rest, band: Band) -> Array:
+    """(2,) Y0_u at the band's edges."""
     at = jnp.stack([band.lower, band.upper])
-    slope = bernstein.evaluate(rest.breaks, rest.control, at, 2)[1]
-    return _layer(slope, rest.r0, squashed.material)
+    return bernstein.evaluate(rest.breaks, rest.control, at, 2)[1]
 
 
-def _layer(slope: Array, r0: Array, material: Material) -> Array:
-    """Over what share of the clay a disturbance of Y_u decays at least, at rest slopes Y0_u.
+def _lengths(slope: Array, r0: Array, material: Material) -> tuple[Array, Array]:
+    """Over what shares of the clay disturbances of Y_u decay, at rest slopes Y0_u: least, most.
 
-    1/|q| of the steepest solution exp(q u) of the linearised equation
+    1/|q| of the solutions exp(q u) of the linearised equation
     k/s^2 y - (alpha r0^2/(2 s^3) + 2 beta) y'' + beta r0^2/(2 s^3) y'''' = 0; without
     smoothing a tenth of the clay.
     """
@@ -161,7 +187,8 @@ def _layer(slope: Array, r0: Array, material: Material) -> Array:
     a, c = material.k / slope**2, material.beta * bend
     b = material.alpha * bend + 2 * material.beta
     root = jnp.sqrt(jnp.maximum(b**2 - 4 * a * c, 0.0))
-    steepest = jnp.where(root > 0, (b + root) / jnp.maximum(2 * c, 1e-300), jnp.sqrt(a / c))
-    layer = 1 / jnp.sqrt(steepest)
+    twice = jnp.where(root > 0, b + root, 2 * jnp.sqrt(a * c))
+    fast, slow = jnp.sqrt(2 * c / jnp.maximum(twice, 1e-300)), jnp.sqrt(twice / (2 * a))
     tension = jnp.sqrt(material.alpha * bend / a)
-    return jnp.where(material.beta > 0, layer, jnp.where(material.alpha > 0, tension, 0.1))
+    without = jnp.where(material.alpha > 0, tension, 0.1)
+    return tuple(jnp.where(material.beta > 0, d, without) for d in (fast, slow))

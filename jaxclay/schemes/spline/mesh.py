@@ -18,7 +18,8 @@ from jaxclay.schemes.spline import bspline
 
 _SHORTEST = 1e-9  # share of the clay
 _FEWEST = 3  # spans on a side
-_GROWTH = 0.5  # of a span's length over its distance from where the mesh is dense
+_EVEN = 17  # even places at which spans are counted, and
+_AWAY = (0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0)  # distances from each feature over its fade
 
 
 def free_length(band: Band) -> Array:
@@ -46,65 +47,56 @@ def uniform(band: Band, elements: int, sides: int) -> Array:
     return above if sides == 1 else jnp.concatenate([cut * share, above])
 
 
-class Density(NamedTuple):
-    """How long spans are at places of one side; (2,) arrays, the side below and the one above.
+class Features(NamedTuple):
+    """Where spans are short; (2, F) arrays, the side below and the one above.
 
     Attributes
     ----------
-    edge : length of the first span at the band
-    reach : distance from the band where a kink is expected; beyond the side if nowhere
-    at_reach : length of the spans there
-    end : length of the last span at the far end, inf if nothing happens there
+    distance : of a feature from the band
+    first : length of the spans there, inf for no feature
+    fade : distance in which spans grow by a factor e
     """
 
-    edge: Array
-    reach: Array
-    at_reach: Array
-    end: Array
+    distance: Array
+    first: Array
+    fade: Array
 
 
-def graded(band: Band, density: Density, count: int, sides: int) -> Array:
-    """(sides count,) inner knots of which spans grow with distance from where they are short.
-
-    Knots beyond ``count`` are left out; those not needed repeat L.
-    """
+def graded(band: Band, features: Features, count: int, sides: int) -> Array:
+    """(sides count,) inner knots, dense where features are; those not needed repeat L."""
     cut, length = band.lower, free_length(band)
-    spans = [cut, length - cut]
     placed = []
-    for side in range(2 - sides, 2):
-        edge, reach, at_reach, end = (leaf[side] for leaf in density)
-        span = jnp.maximum(spans[side], 1e-30)
-        x, used = _side(edge, reach, at_reach, end, span, count)
+    for side, span in ((0, cut), (1, length - cut))[2 - sides :]:
+        x, used = _dense(*(leaf[side] for leaf in features), jnp.maximum(span, 1e-30), count)
         at = cut - x if side == 0 else cut + x
-        placed.append(jnp.where(used & (spans[side] > 0), at, length))
-    inner = jnp.sort(jnp.concatenate(placed))
-    return inner[: sides * count]
+        placed.append(jnp.where(used & (span > 0), at, length))
+    return jnp.sort(jnp.concatenate(placed))
 
 
-def _side(edge, reach, at_reach, end, span, count) -> tuple[Array, Array]:
-    """Distances from the band and whether they are used, (2 count + 1,)."""
-    edge = jnp.minimum(edge, span / _FEWEST)
-    whole = reach >= 0.999 * span
-    first, used = _stretch(
-        edge, jnp.where(whole, end, at_reach), jnp.where(whole, span, reach), count
+def _dense(distance, first, fade, span, count) -> tuple[Array, Array]:
+    """Distances from the band of knots at equal steps of the number of spans, and which are used.
+
+    A feature's density of spans, exp(-|x - distance| / fade) / first, adds to an even one.
+    """
+
+    def number(x):
+        """Spans between the band and x, (m,)."""
+        z = jnp.stack(
+            [x - distance[:, None], jnp.broadcast_to(-distance[:, None], (len(distance), len(x)))]
+        )
+        grown = jnp.sign(z) * -jnp.expm1(-jnp.abs(z) / fade[:, None])
+        return _FEWEST * x / span + jnp.sum((fade / first)[:, None] * (grown[0] - grown[1]), axis=0)
+
+    away = fade[:, None] * jnp.asarray(_AWAY)
+    x = jnp.concatenate(
+        [distance, (distance[:, None] + away).reshape(-1), (distance[:, None] - away).reshape(-1)]
     )
-    second, also = _stretch(at_reach, end, jnp.maximum(span - reach, 1e-30), count)
-    places = jnp.concatenate([first, reach[None], reach + second])
-    return places, jnp.concatenate([used, ~whole[None], also & ~whole])
-
-
-def _stretch(low, high, span, count) -> tuple[Array, Array]:
-    """Inner knots of [0, span] whose gaps grow linearly from ``low`` and ``high`` at its ends."""
-    low, high = jnp.minimum(low, span), jnp.minimum(high, span)
-    turn = jnp.clip((span + (high - low) / _GROWTH) / 2, 0.0, span)
-    rising = jnp.log1p(_GROWTH * turn / low) / _GROWTH
-    total = rising + jnp.log1p(_GROWTH * (span - turn) / high) / _GROWTH
-    number = jnp.ceil(total - 0.01)
+    x = jnp.concatenate([x, span * jnp.linspace(0.0, 1.0, _EVEN)])
+    x = jnp.sort(jnp.clip(x, 0.0, span))
+    spans = number(x)
+    total = jnp.minimum(jnp.ceil(spans[-1] - 0.1), count + 1)
     j = jnp.arange(1, count + 1)
-    t = j * total / number
-    up = low * jnp.expm1(_GROWTH * t) / _GROWTH
-    down = span - high * jnp.expm1(_GROWTH * (total - t)) / _GROWTH
-    return jnp.where(t < rising, up, down), j < number
+    return jnp.interp(j * spans[-1] / total, spans, x), j < total
 
 
 def conditions(
