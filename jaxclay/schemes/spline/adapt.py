@@ -21,7 +21,7 @@ from jaxclay.loop import Outcome, Start, cold, run
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.estimate import estimate, near
 from jaxclay.schemes.spline.first_mesh import first_mesh
-from jaxclay.schemes.spline.pose import Squashed, located, meshed, on_knots
+from jaxclay.schemes.spline.pose import OnMesh, Squashed, joined, located, meshed, on_knots
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.shape import crossings, displaced, displaced_on, projected
 from jaxclay.schemes.spline.solve import judged
@@ -64,7 +64,7 @@ class Adapted(NamedTuple):
 
 class _Level(NamedTuple):
     inner: Array
-    problem: SplineProblem
+    mesh: OnMesh
     outcome: Outcome
     function: tuple[Array, Array]  # the displacement of the estimate, to start from
     number: Array
@@ -99,7 +99,7 @@ def adapted(
         *jax.lax.stop_gradient((squashed, tolerance, settings)), degree, sides, spans, kinks
     )
     total = last.outcome._replace(iterations=jnp.sum(last.levels))
-    problem = last.problem
+    problem = joined(squashed, last.mesh)
     if differentiable:  # derivatives do not come out of the loop: its mesh is made again
         breaks = crossings(displaced(problem.space, total.point.coefficients)[1])
         problem = meshed(squashed, last.inner, breaks, degree, sides)
@@ -117,49 +117,55 @@ def _levels(squashed, tolerance, settings, degree, sides, spans, kinks) -> _Leve
         smoothing=_SMOOTH * tolerance,
     )
 
+    feasible = squashed.rough.feasible
+
     def level(now: _Level) -> _Level:
-        problem, start = jax.lax.cond(
+        on_mesh, start = jax.lax.cond(
             now.polishes,
-            lambda: (now.problem, Start(*now.outcome[:2], jnp.asarray(True))),
+            lambda: (now.mesh, Start(*now.outcome[:2], jnp.asarray(True))),
             lambda: _begun(squashed, now, degree, sides),
         )
+        problem = joined(squashed, on_mesh)
         chosen = jax.tree.map(lambda a, b: jnp.where(now.polishes, a, b), settings, loose)
-        outcome = run(problem, start, chosen, jnp.asarray(True), "newton")
+        outcome = run(problem, start, chosen, feasible, "newton")
         now = now._replace(
-            problem=problem,
+            mesh=on_mesh,
             outcome=outcome,
             levels=now.levels.at[now.number].add(outcome.iterations),
         )
         function = displaced(problem.space, outcome.point.coefficients)
         repeats = ~now.again & _misplaced(problem, function, tolerance)
         repeated = now._replace(function=_longer(*function), again=jnp.asarray(True))
-        polished = now._replace(done=jnp.asarray(True))
+        ends = now.polishes | ~feasible
+        ended = now._replace(done=jnp.asarray(True))
         return jax.lax.cond(
-            now.polishes | repeats,
-            lambda: jax.tree.map(lambda a, b: jnp.where(now.polishes, a, b), polished, repeated),
+            ends | repeats,
+            lambda: jax.tree.map(lambda a, b: jnp.where(ends, a, b), ended, repeated),
             lambda: _judged(squashed, now, tolerance, loose),
         )
 
     inner = first_mesh(squashed, tolerance, degree, sides, spans, kinks)
-    return jax.lax.while_loop(
-        lambda now: ~now.done, level, _first(squashed, inner, loose, degree, sides)
-    )
+    return jax.lax.while_loop(lambda now: ~now.done, level, _first(squashed, inner, degree, sides))
 
 
-def _first(squashed: Squashed, inner: Array, settings: Any, degree: int, sides: int) -> _Level:
-    """Before the first level: no displacement."""
-    problem = meshed(squashed, inner, None, degree, sides)
-    state = cold(problem, problem.point(problem.even()))
+def _first(squashed: Squashed, inner: Array, degree: int, sides: int) -> _Level:
+    """Before the first level: no mesh and no displacement."""
+
+    def meshless():
+        problem = meshed(squashed, inner, None, degree, sides)
+        state = cold(problem, problem.point(problem.even()))
+        return OnMesh(problem.space, problem.fixed, problem.shift, problem.slopes), state
+
+    shapes = jax.eval_shape(meshless)
+    on_mesh, state = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
     none, no = jnp.asarray(0), jnp.asarray(False)
     outcome = Outcome(state.point, state.forces, none, no, jnp.asarray(True))
-    spans = 2 * problem.space.spans
+    spans = 2 * on_mesh.space.spans
     v = jnp.linspace(0.0, 1.0, spans + 1) * mesh.free_length(squashed.band)
     function = v, jnp.zeros((spans, bernstein.DEGREE + 1))
-    done = ~squashed.rough.feasible
     levels = jnp.zeros(LEVELS, int)
-    return _Level(
-        inner, problem, outcome, function, none, no, levels, jnp.asarray(jnp.inf), no, no, done
-    )
+    error = jnp.asarray(jnp.inf)
+    return _Level(inner, on_mesh, outcome, function, none, no, levels, error, no, no, no)
 
 
 def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
@@ -169,7 +175,7 @@ def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
     """
     knots = mesh.knots(now.inner, squashed.band, degree, sides)
     carried = projected(knots, degree, *now.function)
-    breaks = crossings(displaced_on(knots, degree, carried)[1])
+    breaks = crossings(displaced_on(knots, bspline.extraction(knots, degree), carried)[1])
     problem = on_knots(squashed, knots, breaks, degree)
     point = problem.point(jnp.where(problem.fixed, problem.shift, carried))
     above = jnp.all(jnp.where(problem.loose, problem.slack(point) > 0, True))
@@ -177,7 +183,8 @@ def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
     point = problem.point(jnp.where(usable, point.coefficients, problem.even()))
     start = near(problem, point, jnp.asarray(_EPS))
     anew = cold(problem, point)
-    return problem, jax.tree.map(lambda a, b: jnp.where(usable, a, b), start, anew)
+    start = jax.tree.map(lambda a, b: jnp.where(usable, a, b), start, anew)
+    return OnMesh(problem.space, problem.fixed, problem.shift, problem.slopes), start
 
 
 def _longer(v: Array, control: Array) -> tuple[Array, Array]:
@@ -203,7 +210,7 @@ def _misplaced(problem: SplineProblem, function, tolerance: Array) -> Array:
 
 def _judged(squashed: Squashed, now: _Level, tolerance: Array, settings: Any) -> _Level:
     """What the estimate says of a level: a finer mesh, or an end."""
-    problem, outcome = now.problem, now.outcome
+    problem, outcome = joined(squashed, now.mesh), now.outcome
     found = estimate(squashed, problem, outcome.point, tolerance, settings)
     # Beside no minimum the estimate means nothing.
     solved = outcome.finite & outcome.finished

@@ -26,31 +26,25 @@ def spans(knots: Array, degree: int) -> tuple[Array, Array]:
 def extraction(knots: Array, degree: int) -> Array:
     """(S, p+1, p+1) matrices from a span's coefficients to its Bernstein coefficients.
 
-    Bernstein coefficient j is the polynomial's blossom at p-j times the left and j
-    times the right end (Ramshaw 1989; Borden et al. 2011).
+    De Boor and Cox's recurrence on polynomials in Bernstein form: from degree r-1 to r, basis
+    function i passes the share L_i on to its upper neighbour, L_i the linear function that
+    rises from 0 to 1 over its support.
     """
     p, (left, length) = degree, spans(knots, degree)
     count = left.shape[0]
     unit = jnp.where(length > 0, length, 1.0)
-    scaled = [(knots[i : i + count] - left) / unit for i in range(2 * p + 1)]
-    identity = jnp.broadcast_to(jnp.eye(p + 1), (count, p + 1, p + 1))
-    rows = []
-    for j in range(p + 1):
-        at = [0.0] * (p - j) + [1.0] * j
-        d = [identity[:, a] for a in range(p + 1)]
-        for r in range(1, p + 1):
-            d = [
-                _between(d[a], d[a + 1], scaled[r + a], scaled[a + p + 1], at[r - 1])
-                for a in range(p + 1 - r)
-            ]
-        rows.append(d[0])
-    return jnp.stack(rows, axis=1)
-
-
-def _between(low: Array, high: Array, start: Array, stop: Array, at: float) -> Array:
-    width = stop - start
-    share = (at - start) / jnp.where(width > 0, width, 1.0)
-    return low + share[:, None] * (high - low)
+    scaled = jnp.stack([knots[i : i + count] - left for i in range(2 * p + 1)], 1) / unit[:, None]
+    function = jnp.ones((count, 1, 1))  # (S, basis function, Bernstein coefficient)
+    for r in range(1, p + 1):
+        start, stop = scaled[:, p + 1 - r : p + 1, None], scaled[:, p + 1 : p + 1 + r, None]
+        width = jnp.where(stop > start, stop - start, 1.0)
+        share = np.arange(r, -1, -1) / r
+        low = jnp.pad(function, ((0, 0), (0, 0), (0, 1))) * share
+        high = jnp.pad(function, ((0, 0), (0, 0), (1, 0))) * (1 - share)
+        passed = (low * -start + high * (1 - start)) / width
+        function = jnp.pad(passed, ((0, 0), (1, 0), (0, 0)))
+        function += jnp.pad(low + high - passed, ((0, 0), (0, 1), (0, 0)))
+    return jnp.swapaxes(function, 1, 2)
 
 
 def bernstein(degree: int, s: Array, order: int) -> Array:

@@ -63,7 +63,7 @@ def estimate(
     finer = jnp.sort(jnp.concatenate([knots, middle]))
     function = displaced(problem.space, point.coefficients)
     carried = projected(finer, degree, *function)
-    breaks = crossings(displaced_on(finer, degree, carried)[1])
+    breaks = crossings(displaced_on(finer, bspline.extraction(finer, degree), carried)[1])
     fine = on_knots(squashed, finer, breaks, degree)
     coefficients = jnp.where(fine.fixed, fine.shift, carried)
     start = fine.point(coefficients)
@@ -122,7 +122,7 @@ def _apart(fine: SplineProblem, coefficients: Array, change: Array) -> tuple[Arr
     degree, knots = fine.space.degree, fine.space.knots
     left, length = bspline.spans(knots, degree)
     s = jnp.arange(_PLACES) / (_PLACES - 1)
-    basis = bspline.basis(bspline.extraction(knots, degree), length, degree, s, (0, 1, 2))
+    basis = bspline.basis(fine.space.extraction, length, degree, s, (0, 1, 2))
     w, dw = (
         jnp.einsum("sgoa,sa->sgo", basis, bspline.local(c, degree)) for c in (coefficients, change)
     )

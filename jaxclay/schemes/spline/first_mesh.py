@@ -127,7 +127,8 @@ def _features(squashed: Squashed, tolerance: Array) -> mesh.Features:
 
     A layer's function A exp(-x / d) takes spans of c d (tolerance / A)^(1/5) exp(x / (5 d)).
     """
-    _, rest, tool, material, band, rough = squashed
+    rest, tool, material, band = squashed.rest, squashed.tool, squashed.material, squashed.band
+    rough = squashed.rough
     slope = _edge_slopes(rest, band)
     fast, slow = _lengths(slope, rest.r0, material)
     radius = rest.r0 * slope**-0.5
@@ -190,5 +191,5 @@ def _lengths(slope: Array, r0: Array, material: Material) -> tuple[Array, Array]
     twice = jnp.where(root > 0, b + root, 2 * jnp.sqrt(a * c))
     fast, slow = jnp.sqrt(2 * c / jnp.maximum(twice, 1e-300)), jnp.sqrt(twice / (2 * a))
     tension = jnp.sqrt(material.alpha * bend / a)
-    without = jnp.where(material.alpha > 0, tension, 0.1)
-    return tuple(jnp.where(material.beta > 0, d, without) for d in (fast, slow))
+    without, bends = jnp.where(material.alpha > 0, tension, 0.1), material.beta > 0
+    return jnp.where(bends, fast, without), jnp.where(bends, slow, without)

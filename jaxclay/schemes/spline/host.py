@@ -28,8 +28,8 @@ from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
 from jaxclay.solution import Solution, Status
 from jaxclay.squash import Squash, check_fits
 
-_PIECES = (16, 48, 144, 432, 1296)  # sizes of rest shapes
-_SPANS = (24, 96, 384)  # and of meshes that adapt
+_PIECES = (1, 16, 48, 144, 432, 1296)  # sizes of rest shapes
+_SPANS = (16, 40, 96, 384)  # and of meshes that adapt
 _KINKS = 16  # breaks of the rest shape at which meshes that adapt let the displacement kink
 _FOLDED = 24  # pieces above which an answer's are merged,
 _FOLD = 0.05  # to this share of the tolerance, or

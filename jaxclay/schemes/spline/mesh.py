@@ -67,33 +67,30 @@ def graded(band: Band, features: Features, count: int, sides: int) -> Array:
     cut, length = band.lower, free_length(band)
     placed = []
     for side, span in ((0, cut), (1, length - cut))[2 - sides :]:
-        x, used = _dense(*(leaf[side] for leaf in features), jnp.maximum(span, 1e-30), count)
+        own = Features(*(leaf[side] for leaf in features))
+        x, used = _dense(own, jnp.maximum(span, 1e-30), count)
         at = cut - x if side == 0 else cut + x
         placed.append(jnp.where(used & (span > 0), at, length))
     return jnp.sort(jnp.concatenate(placed))
 
 
-def _dense(distance, first, fade, span, count) -> tuple[Array, Array]:
+def _dense(features: Features, span: Array, count: int) -> tuple[Array, Array]:
     """Distances from the band of knots at equal steps of the number of spans, and which are used.
 
     A feature's density of spans, exp(-|x - distance| / fade) / first, adds to an even one.
     """
+    distance, first, fade = (leaf[:, None] for leaf in features)
 
-    def number(x):
-        """Spans between the band and x, (m,)."""
-        z = jnp.stack(
-            [x - distance[:, None], jnp.broadcast_to(-distance[:, None], (len(distance), len(x)))]
-        )
-        grown = jnp.sign(z) * -jnp.expm1(-jnp.abs(z) / fade[:, None])
-        return _FEWEST * x / span + jnp.sum((fade / first)[:, None] * (grown[0] - grown[1]), axis=0)
+    def risen(z):
+        """The integral of exp(-|z| / fade) / fade from 0, (F, m)."""
+        return jnp.sign(z) * -jnp.expm1(-jnp.abs(z) / fade)
 
-    away = fade[:, None] * jnp.asarray(_AWAY)
-    x = jnp.concatenate(
-        [distance, (distance[:, None] + away).reshape(-1), (distance[:, None] - away).reshape(-1)]
-    )
-    x = jnp.concatenate([x, span * jnp.linspace(0.0, 1.0, _EVEN)])
+    away = jnp.asarray((0.0, *_AWAY))
+    near = jnp.concatenate([distance + fade * away, distance - fade * away]).reshape(-1)
+    x = jnp.concatenate([near, span * jnp.linspace(0.0, 1.0, _EVEN)])
     x = jnp.sort(jnp.clip(x, 0.0, span))
-    spans = number(x)
+    added = fade / first * (risen(x - distance) - risen(-distance))
+    spans = _FEWEST * x / span + jnp.sum(added, axis=0)
     total = jnp.minimum(jnp.ceil(spans[-1] - 0.1), count + 1)
     j = jnp.arange(1, count + 1)
     return jnp.interp(j * spans[-1] / total, spans, x), j < total

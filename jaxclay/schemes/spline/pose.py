@@ -13,7 +13,7 @@ from jaxclay.energy import Samples, Terms, integrate
 from jaxclay.schemes import paper
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.problem import Rest, SplineProblem
-from jaxclay.schemes.spline.space import GAUSS, space
+from jaxclay.schemes.spline.space import GAUSS, Space, space
 from jaxclay.scm import RoughShape
 from jaxclay.side import slope_change, solve_sides
 from jaxclay.smooth_clay import SmoothClay
@@ -82,7 +82,17 @@ class Squashed(NamedTuple):
     tool: Tool
     material: Material
     band: Band
+    band_terms: Terms
     rough: RoughShape
+
+
+class OnMesh(NamedTuple):
+    """What a mesh adds to a squash; see :class:`SplineProblem`."""
+
+    space: Space
+    fixed: Array
+    shift: Array
+    slopes: Array
 
 
 def located(clay: SmoothClay, tool: Tool, material: Material, sides: int) -> Squashed:
@@ -94,7 +104,9 @@ def located(clay: SmoothClay, tool: Tool, material: Material, sides: int) -> Squ
     rest = Rest(clay.breaks, clay.control / unit, clay.r0 / unit**1.5)
     slices = _sliced(rest)
     band = locate_band(slices, tool, material, sides)
-    return Squashed(clay, rest, tool, material, band, _rough(slices, tool, material, band, unit))
+    terms = _band_terms(rest, tool, material, band)
+    rough = _rough(slices, tool, material, band, unit)
+    return Squashed(clay, rest, tool, material, band, terms, rough)
 
 
 def meshed(
@@ -109,7 +121,17 @@ def meshed(
 
 def on_knots(squashed: Squashed, knots: Array, breaks: Array | None, degree: int) -> SplineProblem:
     """The problem on all knots."""
-    clay, rest, tool, material, band, rough = squashed
+    return joined(squashed, _on_mesh(squashed, knots, breaks, degree))
+
+
+def joined(squashed: Squashed, mesh: OnMesh) -> SplineProblem:
+    """The problem of both."""
+    clay, rest, tool, material, band, terms, rough = squashed
+    return SplineProblem(clay, rest, tool, material, band, *mesh, terms, rough)
+
+
+def _on_mesh(squashed: Squashed, knots: Array, breaks: Array | None, degree: int) -> OnMesh:
+    rest, tool, material, band = squashed.rest, squashed.tool, squashed.material, squashed.band
     count = jnp.where(material.beta > 0, 3, jnp.where(material.alpha > 0, 2, 1))
     density = (rest.r0 / tool.radius) ** 2
     below = _edge(rest, band.lower, band.bottom, density, "left")
@@ -120,10 +142,7 @@ def on_knots(squashed: Squashed, knots: Array, breaks: Array | None, degree: int
     splines = space(knots, degree, breaks)
     u = mesh.material(knots, degree, splines.places, band).reshape(-1)
     slopes = jnp.stack(bernstein.evaluate(rest.breaks, rest.control, u)[1:], axis=1)
-    terms = _band_terms(rest, tool, material, band)
-    return SplineProblem(
-        clay, rest, tool, material, band, splines, fixed, shift, slopes, terms, rough
-    )
+    return OnMesh(splines, fixed, shift, slopes)
 
 
 def _sliced(rest: Rest) -> Sliced:

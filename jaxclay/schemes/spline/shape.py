@@ -63,12 +63,12 @@ def _breaks(problem: SplineProblem, v: Array, displacement: Array) -> Array:
 
 def displaced(space: Space, coefficients: Array) -> tuple[Array, Array]:
     """The displacement w as breaks (S+1,) in v and Bernstein coefficients (S, 6) of degree 5."""
-    return displaced_on(space.knots, space.degree, coefficients)
+    return displaced_on(space.knots, space.extraction, coefficients)
 
 
-def displaced_on(knots: Array, degree: int, coefficients: Array) -> tuple[Array, Array]:
-    """The same for knots of which no space has been made."""
-    extracted = bspline.extraction(knots, degree)
+def displaced_on(knots: Array, extracted: Array, coefficients: Array) -> tuple[Array, Array]:
+    """The same for knots, and their extraction, of which no space has been made."""
+    degree = extracted.shape[-1] - 1
     control = jnp.einsum("sja,sa->sj", extracted, bspline.local(coefficients, degree))
     left, length = bspline.spans(knots, degree)
     control = jnp.where((length > 0)[:, None], control, 0.0)

@@ -33,7 +33,13 @@ class SplineAnswer(NamedTuple):
 def squashed(problem: SplineProblem) -> Squashed:
     """The problem without its mesh."""
     return Squashed(
-        problem.clay, problem.rest, problem.tool, problem.material, problem.band, problem.rough
+        problem.clay,
+        problem.rest,
+        problem.tool,
+        problem.material,
+        problem.band,
+        problem.band_terms,
+        problem.rough,
     )
 
 

@@ -55,6 +55,8 @@ class Space(NamedTuple):
     ----------
     knots : (S + 2p + 1,) array
         In v.
+    extraction : (S, p+1, p+1) array
+        From each span's coefficients to its Bernstein coefficients.
     slopes : (S, 4, 3, p+1) array
         Derivatives 1 to 3 of each span's basis at its Gauss points.
     values : (S, 6, p+1) array
@@ -67,6 +69,7 @@ class Space(NamedTuple):
     """
 
     knots: Array
+    extraction: Array
     slopes: Array
     values: Array
     weight: Array
@@ -127,6 +130,7 @@ def space(knots: Array, degree: int, breaks: Array) -> Space:
     places = left[:, None] + length[:, None] * s
     return Space(
         knots,
+        extracted,
         slopes,
         values,
         (length[:, None] * weight).reshape(-1),
