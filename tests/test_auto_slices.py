@@ -107,7 +107,7 @@ def test_inside_a_transformation_the_error_asks_for_a_number_of_slices():
 @pytest.mark.slow
 def test_on_random_scenes_the_estimate_tells_the_distance_from_the_splines_answer():
     ratios, within = [], []
-    for r0, squashes, material in population(30, seed=2):
+    for r0, squashes, material in population(14, seed=2):
         squash = squashes[-1]
         clay = jaxclay.Clay.cylinder(radius=r0)
         if squash.bottom > 0.8:

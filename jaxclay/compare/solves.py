@@ -94,8 +94,7 @@ def _adaptive(scene: RandomScene, way: Way) -> Ready:
     smooth, sides = host.prepared(scene.clay), host._sides(scene.squash)
     settings = method_settings(way.method, {})
     values = on_device((smooth, scene.squash, scene.material, way.size, settings))
-    plain = smooth.pieces == 1
-    kinks, sizes = (0, host._SPANS) if plain else (host._KINKS, host._SPANS[1:])
+    kinks, sizes = host.rooms(smooth, sides)
     fixed = {"degree": way.degree, "sides": sides, "kinks": kinks, "differentiable": False}
 
     def call() -> Solution:

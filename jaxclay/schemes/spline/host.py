@@ -29,7 +29,8 @@ from jaxclay.solution import Solution, Status
 from jaxclay.squash import Squash, check_fits
 
 _PIECES = (1, 16, 48, 144, 432, 1296)  # sizes of rest shapes
-_SPANS = (16, 40, 96, 384)  # and of meshes that adapt
+_SPANS = (128, 384)  # and of meshes that adapt; for cylinders, at first:
+_FEW = 28  # on each side of the band
 _KINKS = 16  # breaks of the rest shape at which meshes that adapt let the displacement kink
 _FOLDED = 24  # pieces above which an answer's are merged,
 _FOLD = 0.05  # to this share of the tolerance, or
@@ -79,12 +80,10 @@ def deform_to_tolerance(
         check_fits(squash, clay)
     smooth, sides = prepared(clay), _sides(squash)
     transformed = is_transformed(clay, squash, material, tolerance)
-    plain = not transformed and smooth.pieces == 1
-    kinks = 0 if plain else _KINKS
-    sizes = _SPANS if plain else _SPANS[1:]
-    for spans in sizes if concrete else _SPANS[1:2]:
+    kinks, sizes = (_KINKS, _SPANS) if transformed else rooms(smooth, sides)
+    for spans in sizes if concrete else sizes[:1]:
         answer: Adapted = in_float64(
-            "deform", _adapted, smooth, squash, material, tolerance, settings,
+            "deform", _adapted, smooth, squash, material, (1 - _FOLD) * tolerance, settings,
             degree=int(degree), sides=sides, spans=spans, kinks=kinks, differentiable=transformed,
         )  # fmt: skip
         if is_transformed(answer) or not answer.full:
@@ -93,7 +92,7 @@ def deform_to_tolerance(
     if not is_transformed(answer):
         levels = levels[levels > 0]
     solution = _solution(answer, method, levels, answer.error, _FOLD * tolerance)
-    return _honest(solution, answer.error, tolerance)
+    return _honest(solution, tolerance)
 
 
 def check_degree(degree: int) -> None:
@@ -114,6 +113,12 @@ def prepared(clay: Clay | SmoothClay) -> SmoothClay:
     size = next((size for size in _PIECES if size >= count), count)
     breaks, control = padded(smooth.breaks, smooth.control, size)
     return unchecked_smooth_clay(breaks, control, smooth.r0, smooth.unit)
+
+
+def rooms(smooth: SmoothClay, sides: int) -> tuple[int, tuple[int, ...]]:
+    """How many kinks a mesh for this clay needs room for, and the numbers of spans to try."""
+    plain = smooth.pieces == 1
+    return (0, (_FEW * sides, *_SPANS)) if plain else (_KINKS, _SPANS)
 
 
 def _sides(squash: Squash) -> int:
@@ -183,6 +188,7 @@ def _solution(answer, method: str, levels: Array, error: Array | None, fold: flo
         breaks, control = without_empty(breaks, control)
         if len(control) > _FOLDED and np.isfinite(control).all():
             breaks, control = merged(breaks, control, float(before.r0), float(before.unit), fold)
+            error = None if error is None else error + fold
     return Solution(
         clay=unchecked_smooth_clay(breaks, control, before.r0, before.unit),
         point=verdict.point,
@@ -200,10 +206,10 @@ def _solution(answer, method: str, levels: Array, error: Array | None, fold: flo
     )
 
 
-def _honest(solution: Solution, error: Array, tolerance: float) -> Solution:
+def _honest(solution: Solution, tolerance: float) -> Solution:
     """Unresolved where the tolerance was not met."""
     converged = solution.status_code == Status.CONVERGED.value
-    missed = converged & (error > tolerance)
+    missed = converged & (solution.error_estimate > tolerance)
     if is_transformed(solution):
         code = jnp.where(missed, Status.UNRESOLVED.value, solution.status_code)
     else:
