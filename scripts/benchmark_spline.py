@@ -8,7 +8,7 @@
   f  the estimate of the error against the error
   g  many squashes at once on all cores
 
-Errors are measured from answers with an estimated error of 1e-6 at most; scenes where there is
+Errors are measured from answers with an estimated error of 2e-6 at most; scenes where there is
 none are left out and counted.  Times are of warm calls; "compiled" is the compiled call alone,
 from a clay to a judged answer (on fixed spans and slices from a posed problem).  The last table
 holds every bound; the exit status is 1 if one is not met.

@@ -13,7 +13,7 @@ from jaxclay.compare.population import RandomScene, population
 from jaxclay.compare.solves import Way
 from jaxclay.solution import Solution
 
-_TRUTH, _TRUE = 1e-7, 1e-6  # tolerance of the answers taken for true, largest estimate of those
+_TRUTH, _TRUE = 1e-7, 2e-6  # tolerance of the answers taken for true, largest estimate of those
 
 
 class Effort(NamedTuple):

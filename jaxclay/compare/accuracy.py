@@ -115,7 +115,7 @@ def truth(scene: RandomScene, tolerance: float) -> Solution:
     Of the answers to this tolerance and to looser ones, the best by its estimate: too tight
     a one may find no end.
     """
-    looser = (tolerance, 10 * tolerance, 100 * tolerance)
+    looser = (tolerance, 4 * tolerance, 20 * tolerance)
     answers = [solved(scene.clay, scene.squash, scene.material, each) for each in looser]
     return min(answers, key=lambda answer: float(answer.error_estimate or np.inf))
 

@@ -91,7 +91,8 @@ def _fixed(clay: Clay | SmoothClay, scene, posing, method: str, fun, values) -> 
 
 
 def _adaptive(scene: RandomScene, way: Way) -> Ready:
-    smooth, sides = host.prepared(scene.clay), host._sides(scene.squash)
+    smooth = host.prepared(scene.clay)
+    sides = host.sides_of(scene.squash, smooth)
     settings = method_settings(way.method, {})
     values = on_device((smooth, scene.squash, scene.material, way.size, settings))
     kinks, sizes = host.rooms(smooth, sides)

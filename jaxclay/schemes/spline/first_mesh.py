@@ -14,7 +14,7 @@ from jaxclay import bernstein
 from jaxclay.band import Band
 from jaxclay.clay import Array, Material
 from jaxclay.schemes.spline import mesh
-from jaxclay.schemes.spline.pose import PARTS, Squashed
+from jaxclay.schemes.spline.pose import Squashed, parts
 from jaxclay.schemes.spline.problem import Rest
 
 _COUNT = 32  # knots at most on each stretch of the first mesh
@@ -57,7 +57,7 @@ def _inherited(squashed: Squashed, tolerance: Array, count: int) -> tuple[Array,
     outside = (at < 1) & ((at <= band.lower) | (at >= band.upper))
     place = at - jnp.where(at >= band.upper, band.upper - band.lower, 0.0)
     end = mesh.free_length(band)
-    shift = jnp.abs(squashed.rough.point.shift[::PARTS])
+    shift = jnp.abs(squashed.rough.point.shift[:: parts(rest)])
     moves = jnp.maximum(shift[:-2], shift[2:]) > _STILL * tolerance
     kinked = _kinked(squashed)
     effect, worst = jax.lax.top_k(jnp.where(outside, kinked, 0.0), min(count, at.shape[0]))

@@ -7,7 +7,7 @@ rest shapes are filled up with empty pieces, meshes with empty spans.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,8 +28,8 @@ from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
 from jaxclay.solution import Solution, Status
 from jaxclay.squash import Squash, check_fits
 
-_PIECES = (1, 16, 48, 144, 432, 1296)  # sizes of rest shapes
-_SPANS = (128, 384)  # and of meshes that adapt; for cylinders, at first:
+_PIECES = (1, 48, 144, 432, 1296)  # sizes of rest shapes
+_SPANS = (128, 512)  # and of meshes that adapt; for cylinders, at first:
 _FEW = 28  # on each side of the band
 _KINKS = 16  # breaks of the rest shape at which meshes that adapt let the displacement kink
 _FOLDED = 24  # pieces above which an answer's are merged,
@@ -46,7 +46,7 @@ def posed(
     if not whole or elements < 1:
         raise ValueError(f"elements must be a whole number of at least 1, got {elements!r}")
     smooth = prepared(clay)
-    sides = _sides(squash)
+    sides = sides_of(squash, smooth)
     return in_float64(
         "pose", _posed, smooth, squash, material,
         degree=int(degree), elements=int(elements), sides=sides,
@@ -78,7 +78,8 @@ def deform_to_tolerance(
     concrete = is_concrete(clay, squash, material)
     if concrete:
         check_fits(squash, clay)
-    smooth, sides = prepared(clay), _sides(squash)
+    smooth = prepared(clay)
+    sides = sides_of(squash, smooth)
     transformed = is_transformed(clay, squash, material, tolerance)
     kinks, sizes = (_KINKS, _SPANS) if transformed else rooms(smooth, sides)
     for spans in sizes if concrete else sizes[:1]:
@@ -117,13 +118,15 @@ def prepared(clay: Clay | SmoothClay) -> SmoothClay:
 
 def rooms(smooth: SmoothClay, sides: int) -> tuple[int, tuple[int, ...]]:
     """How many kinks a mesh for this clay needs room for, and the numbers of spans to try."""
-    plain = smooth.pieces == 1
-    return (0, (_FEW * sides, *_SPANS)) if plain else (_KINKS, _SPANS)
+    if smooth.pieces == 1:
+        return 0, (_FEW * sides, *_SPANS)
+    return _KINKS, _SPANS if smooth.pieces <= _PIECES[1] else _SPANS[1:]
 
 
-def _sides(squash: Squash) -> int:
-    """1 where there can be no clay below the band."""
-    return 1 if is_concrete(squash.bottom) and float(squash.bottom) == 0 else 2
+def sides_of(squash: Squash, smooth: SmoothClay) -> int:
+    """1 where no clay can be below the band; 2 for worked clay, to compile once for all bands."""
+    plain = smooth.control.shape[0] == 1
+    return 1 if plain and is_concrete(squash.bottom) and float(squash.bottom) == 0 else 2
 
 
 @compiled("degree", "elements", "sides")
@@ -209,7 +212,7 @@ def _solution(answer, method: str, levels: Array, error: Array | None, fold: flo
 def _honest(solution: Solution, tolerance: float) -> Solution:
     """Unresolved where the tolerance was not met."""
     converged = solution.status_code == Status.CONVERGED.value
-    missed = converged & (solution.error_estimate > tolerance)
+    missed = converged & (cast(Array, solution.error_estimate) > tolerance)
     if is_transformed(solution):
         code = jnp.where(missed, Status.UNRESOLVED.value, solution.status_code)
     else:

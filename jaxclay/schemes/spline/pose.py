@@ -18,7 +18,7 @@ from jaxclay.scm import RoughShape
 from jaxclay.side import slope_change, solve_sides
 from jaxclay.smooth_clay import SmoothClay
 
-PARTS = 4  # slices that a piece of the rest shape is cut into for the sliced cylinder model
+_PARTS, _SLICES = 4, 32  # slices of a piece, and in all, for the sliced cylinder model at least
 _LEAST = 1e-6  # share of the clay below a band above the bottom
 _CELLS = 8  # of the band, for its energy
 
@@ -145,9 +145,15 @@ def _on_mesh(squashed: Squashed, knots: Array, breaks: Array | None, degree: int
     return OnMesh(splines, fixed, shift, slopes)
 
 
+def parts(rest: Rest) -> int:
+    """How many slices each piece of the rest shape is cut into for the sliced cylinder model."""
+    return max(_PARTS, _SLICES // rest.control.shape[0])
+
+
 def _sliced(rest: Rest) -> Sliced:
     """The rest shape, each piece cut into a few slices of equal share."""
-    s = jnp.arange(PARTS) / PARTS
+    count = parts(rest)
+    s = jnp.arange(count) / count
     width = jnp.diff(rest.breaks)
     places = (rest.breaks[:-1, None] + width[:, None] * s).reshape(-1)
     (heights,) = bernstein.in_piece(rest.control[:, None], width[:, None], s[None], 1)

@@ -16,7 +16,7 @@ from jaxclay.banded import Factor, Model
 from jaxclay.clay import Array, Material
 from jaxclay.energy import Terms, integrate, integrate_smooth
 from jaxclay.schemes.spline import bspline
-from jaxclay.schemes.spline.space import Point, Space, sample
+from jaxclay.schemes.spline.space import Point, Space, gauss_newton, sample, seeds
 from jaxclay.scm import RoughShape
 from jaxclay.smooth_clay import SmoothClay
 
@@ -167,26 +167,9 @@ class SplineProblem:
 
         value, by_slopes = jax.value_and_grad(energy)(point.slopes)
         slope = jax.grad(energy)
-        columns = [jax.jvp(slope, (point.slopes,), (seed,))[1] for seed in _seeds(point.slopes)]
+        columns = [jax.jvp(slope, (point.slopes,), (seed,))[1] for seed in seeds(point.slopes)]
         gradient = jnp.where(self.free, self.space.from_slopes(by_slopes), 0.0)
         return Model(value, gradient, jnp.stack(columns, axis=2))
-
-    def _gauss_newton(self, point: Point) -> Array:
-        """(S*4, 3, 3) the Hessian with the radius' second derivatives left out."""
-
-        def quantities(slopes):
-            s = self._samples(slopes)
-            return jnp.stack([s.stretch, s.X_u, s.Y_u, s.X_uu, s.Y_uu], axis=1)
-
-        m, weight = self.material, self.space.weight
-        columns = [
-            jax.jvp(quantities, (point.slopes,), (seed,))[1] for seed in _seeds(point.slopes)
-        ]
-        jacobian = jnp.stack(columns, axis=2)
-        stiffness = jnp.stack([m.k / 2, m.alpha, m.alpha, m.beta, m.beta])
-        return jnp.einsum(
-            "q,iqa,iqb->iab", 2 * stiffness, jacobian * weight[:, None, None], jacobian
-        )
 
     def stiffness(
         self,
@@ -203,7 +186,8 @@ class SplineProblem:
         added everywhere.
         """
         if gauss is not None:
-            matrix = jax.lax.cond(gauss, lambda: self._gauss_newton(point), lambda: matrix)
+            own = self.space.weight, self.rest_thickness, self.rest.r0, point.slopes, self.material
+            matrix = jax.lax.cond(gauss, lambda: gauss_newton(*own), lambda: matrix)
         corner = jnp.zeros((3, 3)).at[0, 0].set(1.0)
         bands = self.space.stiffness(matrix + floor[:, None, None] * corner, friction)
         bands = banded.masked(bands, self.free)
@@ -255,7 +239,3 @@ class SplineProblem:
         return (top - self.tool.top) * self.clay.unit, (
             self.material.floor * (top - edge) * self.clay.unit
         )
-
-
-def _seeds(slopes: Array) -> list[Array]:
-    return [jnp.zeros_like(slopes).at[:, i].set(1.0) for i in range(3)]

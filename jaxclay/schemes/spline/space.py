@@ -17,7 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay.clay import Array
+from jaxclay.clay import Array, Material
 from jaxclay.energy import Samples
 from jaxclay.schemes.spline import bspline
 
@@ -147,3 +147,21 @@ def sample(weight: Array, rest_slope: Array, r0: Array, slopes: Array) -> Sample
     X_u = -r0 / 2 * root * inverse * Y_uu
     X_uu = r0 * root * inverse * (0.75 * inverse * Y_uu**2 - Y_uuu / 2)
     return Samples(Y_u / rest_slope, jnp.zeros_like(Y_u), Y_u, X_u, Y_uu, X_uu, weight)
+
+
+def seeds(slopes: Array) -> list[Array]:
+    """The three unit changes of every point's slopes."""
+    return [jnp.zeros_like(slopes).at[:, i].set(1.0) for i in range(3)]
+
+
+def gauss_newton(weight: Array, rest_slope: Array, r0: Array, slopes: Array, m: Material) -> Array:
+    """(m, 3, 3) the energy's Hessian by the slopes without the radius' second derivatives."""
+
+    def quantities(slopes):
+        s = sample(weight, rest_slope, r0, slopes)
+        return jnp.stack([s.stretch, s.X_u, s.Y_u, s.X_uu, s.Y_uu], axis=1)
+
+    columns = [jax.jvp(quantities, (slopes,), (seed,))[1] for seed in seeds(slopes)]
+    jacobian = jnp.stack(columns, axis=2)
+    stiffness = jnp.stack([m.k, 2 * m.alpha, 2 * m.alpha, 2 * m.beta, 2 * m.beta])
+    return jnp.einsum("q,iqa,iqb->iab", stiffness, jacobian * weight[:, None, None], jacobian)
