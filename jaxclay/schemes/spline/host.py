@@ -29,8 +29,8 @@ from jaxclay.solution import Solution, Status
 from jaxclay.squash import Squash, check_fits
 
 _PIECES = (1, 48, 144, 432, 1296)  # sizes of rest shapes
-_SPANS = (128, 512)  # and of meshes that adapt; for cylinders, at first:
-_FEW = 28  # on each side of the band
+_SPANS = (128, 512)  # and of meshes that adapt, after for cylinders
+_FEW = {1: 28, 2: 40}  # with a band at the bottom, and above it
 _KINKS = 16  # breaks of the rest shape at which meshes that adapt let the displacement kink
 _FOLDED = 24  # pieces above which an answer's are merged,
 _FOLD = 0.05  # to this share of the tolerance, or
@@ -119,7 +119,7 @@ def prepared(clay: Clay | SmoothClay) -> SmoothClay:
 def rooms(smooth: SmoothClay, sides: int) -> tuple[int, tuple[int, ...]]:
     """How many kinks a mesh for this clay needs room for, and the numbers of spans to try."""
     if smooth.pieces == 1:
-        return 0, (_FEW * sides, *_SPANS)
+        return 0, (_FEW[sides], *_SPANS)
     return _KINKS, _SPANS if smooth.pieces <= _PIECES[1] else _SPANS[1:]
 
 
