@@ -85,10 +85,10 @@ def _panels(rows: pd.DataFrame, scene: str, draw) -> Figure:
 
 def _lines(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, dict]]:
     for method in dict.fromkeys(rows.method):
-        yield method, select(rows, rows.method == method), _style(method)
+        yield method, select(rows, rows.method == method), style(method)
 
 
-def _style(method: str) -> dict:
+def style(method: str) -> dict:
     """Every method has its colour and marker in all charts; peers are dashed and hollow."""
     style = {"label": method, "markersize": 5, "linewidth": 1.3}
     if method in PEERS:

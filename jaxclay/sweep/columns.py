@@ -13,6 +13,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "kind": (_TEXT, '"timing" (alone on one core, repeated) or "throughput" (many at once)'),
     "task": (_TEXT, "the task in a few words"),
     "scene": (_TEXT, "name of the scene or of its piece"),
+    "recipe": (_TEXT, "hash of the scene's inputs: the same scene solved in several ways"),
     "number": (_WHOLE, "of the scene in its table of the experiment file"),
     "source": (_TEXT, '"scene", "cylinder", a packaged profile or the path of a CSV file'),
     "units": (_TEXT, '"snake" or "printed": of alpha and beta'),

@@ -81,22 +81,34 @@ def run(
         A worker died.
     """
     check_backend(experiment, backend, scheduler)
+    return run_tasks(tasks(experiment), folder, backend, scheduler, tell)
+
+
+def run_tasks(
+    every: list[Task],
+    folder: Path,
+    backend: str = "serial",
+    scheduler: str | None = None,
+    tell: Report = lambda rows: None,
+) -> Work:
+    """The same for tasks that are all of one kind."""
     store = Store(folder)
     store.keys()  # sets damaged files aside
-    todo = work(experiment, folder, backend)
-    _, known = _so_far(folder)
-    sizes = batch_sizes(todo.missing, known, _workers(backend))
-    lists = _still_missing(store, batches(todo.missing, sizes))
+    done, known = _so_far(folder)
+    missing = [task for task in every if task.key not in done]
+    workers = _workers(backend)
+    lists = _still_missing(store, batches(missing, batch_sizes(missing, known, workers)))
     with contextlib.ExitStack() as stack:
         stack.enter_context(threadpool_limits(1))
-        core = stack.enter_context(pinned()) if experiment.kind == "timing" else -1
+        timing = any(task.kind == "timing" for task in missing)
+        core = stack.enter_context(pinned()) if timing else -1
         results = _results(backend, scheduler, lists)
         stack.callback(results.close)
         for rows in results:
             rows = [row | {"pinned": core} for row in rows]
             store.append(rows)
             tell(rows)
-    return todo
+    return Work(every, missing, total_seconds(missing, known, workers))
 
 
 def _results(backend: str, scheduler: str | None, lists) -> Any:

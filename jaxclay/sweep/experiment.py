@@ -11,6 +11,13 @@ from jaxclay.profiles import PROFILES
 from jaxclay.sweep.lines import line_of
 from jaxclay.sweep.tables import TABLES, Experiment
 
+_PACKAGED = Path(__file__).parent / "experiments"
+
+
+def packaged() -> dict[str, Path]:
+    """Name and file of the experiments that come with jaxclay."""
+    return {path.stem: path for path in sorted(_PACKAGED.glob("*.toml"))}
+
 
 def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Experiment:
     """Read and validate an experiment file.
@@ -18,7 +25,8 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
     Parameters
     ----------
     path : str or path
-        The TOML file.  Paths of profiles in it are taken from its folder.
+        The TOML file, or the name of one that comes with jaxclay: see :func:`packaged`.  Paths
+        of profiles in it are taken from its folder.
     profiles : str or path, optional
         A folder whose CSV files join the profiles of every table of scenes that has some.
 
@@ -29,7 +37,11 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
     OSError
         The file cannot be read.
     """
-    path = Path(path)
+    path = packaged().get(str(path), Path(path))
+    if not path.exists():
+        raise ValueError(
+            f"no experiment {str(path)!r}: name a TOML file, or choose from {', '.join(packaged())}"
+        )
     text = path.read_text(encoding="utf-8")
     try:
         raw = tomllib.loads(text)

@@ -81,7 +81,9 @@ def _add_agree(commands, interrupt: Interrupt) -> None:
 
 
 def _add_common(command) -> None:
-    command.add_argument("experiment", type=Path, help="TOML file")
+    command.add_argument(
+        "experiment", help="TOML file, or paper, population or agreement, which come with jaxclay"
+    )
     command.add_argument("--out", type=Path, metavar="FOLDER", help="default out/NAME of the file")
     command.add_argument(
         "--profiles", type=Path, metavar="FOLDER", help="add every CSV in FOLDER to the profiles"

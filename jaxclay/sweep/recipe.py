@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import hashlib
 import itertools
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -68,6 +69,12 @@ class Recipe:
     alpha: float
     beta: float
     units: str
+
+    @functools.cached_property
+    def key(self) -> str:
+        """A hash of the numbers; a file is its content, wherever it lies."""
+        inputs = dataclasses.asdict(self) | ({"source": ""} if self.digest else {})
+        return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:16]
 
     def scene(self) -> Scene:
         """The scene, its squashes in the piece's own length unit."""

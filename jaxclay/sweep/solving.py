@@ -130,7 +130,8 @@ def _inputs(task: Task) -> Row:
     """What was asked for, as columns."""
     recipe, last = task.recipe, task.recipe.bands[-1] if task.recipe.bands else None
     row: dict[str, Any] = {
-        "key": task.key, "kind": task.kind, "scene": recipe.name, "number": recipe.number,
+        "key": task.key, "kind": task.kind, "scene": recipe.name, "recipe": recipe.key,
+        "number": recipe.number,
         "source": recipe.source, "units": recipe.units, "scheme": task.scheme,
         "slices": task.slices, "tolerance": task.tolerance, "method": task.method,
         "settings": ", ".join(f"{name}={value:g}" for name, value in task.settings),

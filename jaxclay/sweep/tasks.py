@@ -63,9 +63,7 @@ class Task:
     @functools.cached_property
     def key(self) -> str:
         """A hash of the inputs, the package's version, the dtype and the device."""
-        inputs = dataclasses.asdict(self)
-        if self.recipe.digest:
-            del inputs["recipe"]["source"]  # a file is its content, wherever it lies
+        inputs = dataclasses.asdict(self) | {"recipe": self.recipe.key}
         whole = {"task": inputs, "jaxclay": jaxclay.__version__, "dtype": DTYPE, "device": device()}
         text = json.dumps(whole, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
