@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxclay.compare.peers import PEERS
+from jaxclay.compare.plan import DEFAULT_METHODS
 from jaxclay.compare.results import records, select
 from jaxclay.compare.runner import Overlay
 from jaxclay.methods import METHODS
@@ -95,7 +96,9 @@ def style(method: str) -> dict:
         j = list(PEERS).index(method)
         dashed = {"linestyle": "--", "markerfacecolor": "white"}
         return style | dashed | {"color": COLOURS[6 - j], "marker": _MARKERS[7 - j]}
-    j = list(METHODS).index(method)
+    # Those that run unless told otherwise come first, and so never share a colour.
+    order = [*DEFAULT_METHODS, *(name for name in METHODS if name not in DEFAULT_METHODS)]
+    j = order.index(method)
     line = "-" if j < len(COLOURS) else "-."
     return style | {"linestyle": line, "color": COLOURS[j % 8], "marker": _MARKERS[j]}
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from html import escape
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from jaxclay.compare.report import save_charts, save_page
-from jaxclay.compare.results import number, records, select
+from jaxclay.compare.results import groups, number, select
 from jaxclay.sweep.charts import prepared, throughput_charts, timing_charts
 from jaxclay.sweep.heat import failure_charts
 from jaxclay.sweep.load import curves, table
@@ -96,7 +97,7 @@ def _medians(rows: pd.DataFrame, kind: str) -> str:
     names += ["median ms", "shifted mean ms", "90% ms"] if timing else []
     names += ["reference", "uncertified"]
     lines = []
-    for (units, slices, tolerance, series, settings), part in rows.groupby(_BY, sort=True):
+    for (units, slices, tolerance, series, settings), part in groups(rows, _BY):
         size = f"{slices}" if slices else f"to {tolerance:g}"
         cells = [units, size, series, settings, *_figures(part, timing)]
         lines.append("".join(_cell(text) for text in cells))
@@ -111,10 +112,9 @@ def _figures(part: pd.DataFrame, timing: bool) -> list[str]:
         f"{len(part)}",
         number(certified, ".0%", ""),
         f"{len(part) - len(tried) or ''}",
-        *(
-            number(tried[name].abs().median(), ".1e", "none certified" if j == 0 else "")
-            for j, name in enumerate(("gap_relative", "contour_error", "contour_error_continuum"))
-        ),
+        _median(tried.gap_relative) or "none certified",
+        _median(tried.contour_error),
+        _median(tried.contour_error_continuum),
         number(tried.iterations.median(), ".0f", ""),
     ]
     if timing:
@@ -126,6 +126,12 @@ def _figures(part: pd.DataFrame, timing: bool) -> list[str]:
     return [*figures, ", ".join(who) or "none certified", f"{lost or ''}"]
 
 
+def _median(errors: pd.Series) -> str:
+    """Of the errors that are known; nothing where none is."""
+    known = np.abs(errors.dropna())
+    return f"{np.median(known):.1e}" if len(known) else ""
+
+
 def _cell(text: object) -> str:
     return f"<td class=l>{escape(str(text))}</td>"
 
@@ -135,11 +141,10 @@ def _failures(rows: pd.DataFrame) -> str:
     others = select(rows, rows.status != "converged")
     if others.empty:
         return ""
-    groups = others.groupby(["series", "status"], sort=True)
     lines = "".join(
         f"<tr>{_cell(series)}{_cell(status)}{_cell(len(part))}{_cell(part.task.iloc[0])}"
         f"{_cell(part.reason.iloc[0])}</tr>"
-        for (series, status), part in groups
+        for (series, status), part in groups(others, ["series", "status"])
     )
     head = "".join(f"<th class=l>{name}</th>" for name in
                    ("method", "ended as", "tasks", "for example", "why"))  # fmt: skip
@@ -149,24 +154,18 @@ def _failures(rows: pd.DataFrame) -> str:
 def _what_ran(rows: pd.DataFrame) -> str:
     """Machines and versions, with what each of them ran."""
     tables = []
-    for values, part in rows.groupby([*_WHERE], sort=False, dropna=False):
-        counts = part.groupby(["kind", "scheme", "method"]).size().reset_index(name="count")
+    for values, part in groups(rows, [*_WHERE]):
+        ran = groups(part, ["kind", "scheme", "method"])
+        listed = ", ".join(f"{len(same)} {' '.join(names)}" for names, same in ran)
         cores = " or ".join(f"{int(n)}" for n in sorted(part.cores.dropna().unique()))
         pins = sorted(int(pin) for pin in part.pinned.dropna().unique() if pin >= 0)
         held = f"; timing held on core {', '.join(map(str, pins))}" if pins else ""
         lines = [
             *zip(_WHERE, values, strict=True),
-            (
-                "tasks",
-                ", ".join(f"{c.count_} {c.kind} {c.scheme} {c.method}" for c in _counted(counts)),
-            ),
+            ("tasks", listed),
             ("processes", f"{part.process.nunique()}, each of {cores} cores{held}"),
             ("finished", f"{part.finished.min()} to {part.finished.max()}"),
         ]
         cells = "".join(f"<tr>{_cell(name)}{_cell(value)}</tr>" for name, value in lines)
         tables.append(f"<table>{cells}</table>")
     return "<br>".join(tables)
-
-
-def _counted(counts: pd.DataFrame):
-    return records(counts.rename(columns={"count": "count_"}))

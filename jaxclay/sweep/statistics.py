@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from jaxclay.compare.results import groups, select
+
 LOW, HIGH = 0.1, 0.9  # the band around a median
 SHIFT = 1e-3  # seconds that are added before a geometric mean, and taken off after
 
@@ -20,17 +22,21 @@ class Ladder(NamedTuple):
     high: np.ndarray
 
 
-def ladder(rows: pd.DataFrame, error: str) -> Ladder:
-    """The rungs, quick to slow: every setting, tolerance or number of slices is one."""
-    groups = rows[rows[error].notna()].groupby(["settings", "tolerance", "slices"])
-    rungs = sorted(
-        (
-            group.solve_s.median(),
-            *(group[error].abs().quantile(q) for q in (LOW, 0.5, HIGH)),
-        )
-        for _, group in groups
-    )
+def ladder(rows: pd.DataFrame, error: str, by: list[str]) -> Ladder:
+    """The rungs from the largest median error down, one for each value of the columns ``by``."""
+    rungs = [
+        (group.solve_s.median(), *(group[error].abs().quantile(q) for q in (LOW, 0.5, HIGH)))
+        for _, group in groups(select(rows, rows[error].notna()), by)
+    ]
+    rungs.sort(key=lambda rung: (-rung[2], rung[0]))
     return Ladder(*np.array(rungs).reshape(-1, 4).T)
+
+
+def best_settings(rows: pd.DataFrame, error: str, by: list[str]) -> pd.DataFrame:
+    """The rows of the setting with the least median error, for each value of the columns ``by``."""
+    medians = rows.groupby([*by, "settings"])[error].agg(lambda e: e.abs().median())
+    best = medians.reset_index().sort_values(error).drop_duplicates(subset=by)
+    return rows.merge(best[[*by, "settings"]], on=[*by, "settings"])
 
 
 def shifted_geometric_mean(seconds: Any, shift: float = SHIFT) -> float:

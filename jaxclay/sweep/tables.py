@@ -127,6 +127,8 @@ class MethodTable(Table):
                 raise ValueError(f"{setting} cannot be drawn at random: give a list or a range")
             for value in values.fixed():
                 method_settings(self.name, {setting: value})
+        if self.stops and any(len(values.entries) > 1 for values in self.settings.values()):
+            raise ValueError("stops beside several settings: take a table of [[methods]] for each")
         if "spline" in self.schemes and self.name != "newton":
             raise ValueError(f'{self.name} works to no tolerance: scheme "spline" takes newton')
         if "spline" in self.schemes and (self.settings or self.stops):
