@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 
+import jax
 import numpy as np
 import pytest
 
@@ -33,8 +34,10 @@ def experiment(tmp_path_factory):
     path.write_text(TEXT)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "_MOST", 2)
-        patch.setenv("JAX_COMPILATION_CACHE_DIR", str(path.parent / "compilations"))
+        before = jax.config.jax_compilation_cache_dir
+        jax.config.update("jax_compilation_cache_dir", str(path.parent / "compilations"))
         yield path
+        jax.config.update("jax_compilation_cache_dir", before)
 
 
 @pytest.fixture(scope="module")
@@ -75,12 +78,11 @@ def test_a_worker_that_dies_under_dask_is_replaced_and_nothing_is_lost(with_dask
     assert set(table.process) - {victim, os.getpid()}
 
 
-def test_workers_of_dask_have_one_thread_each(monkeypatch):
-    monkeypatch.setenv("XLA_FLAGS", "--mine")
+def test_workers_have_one_thread_each_and_the_same_compilations():
     variables = backends.one_thread()
-    assert variables["OPENBLAS_NUM_THREADS"] == variables["OMP_NUM_THREADS"] == "1"
-    assert variables["XLA_FLAGS"].startswith("--mine ")
-    assert "intra_op_parallelism_threads=1" in variables["XLA_FLAGS"]
+    threads = "NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
+    assert {variables[name] for name in threads} == {"1"}
+    assert variables["JAX_COMPILATION_CACHE_DIR"] == jax.config.jax_compilation_cache_dir
 
 
 def test_processes_are_spawned_on_a_core_each_and_agree(serial, experiment, tmp_path):

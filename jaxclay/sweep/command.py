@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import time
 from collections.abc import Callable
@@ -44,6 +45,8 @@ def sweep(
     Returns 0, or 130 if it was interrupted.
     """
     begin = time.perf_counter()
+    # Here and in what this starts, and before JAX starts: problems are small, see one_thread.
+    os.environ.setdefault("NPROC", "1")
     console = Console(soft_wrap=True, highlight=False)
     whole = read_experiment(experiment, profiles)
     folder = Path("out") / Path(experiment).stem if out is None else Path(out)
