@@ -40,12 +40,13 @@ def resolve_fields(module) -> None:
     """Tell pdoc the types of named tuples, whose constructors have lost their module's names."""
     value: Any
     for value in vars(module).values():
-        if isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields"):
+        fields = getattr(value, "_fields", None)
+        if isinstance(value, type) and issubclass(value, tuple) and fields:
             try:
                 hints = typing.get_type_hints(value)
             except NameError:  # of a package that only type checkers import
                 hints = {}
-            value.__new__.__annotations__ = {k: hints[k] for k in value._fields if k in hints}
+            value.__new__.__annotations__ = {k: hints[k] for k in fields if k in hints}
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import pandas as pd
 from rich.console import Console
 
 from jaxclay.compare.results import number, records, select
-from jaxclay.sweep.command import INTERRUPTED  # first of these: it says which extra is missing
+from jaxclay.sweep.command import INTERRUPTED
 from jaxclay.sweep.engine import run_tasks
 from jaxclay.sweep.experiment import read_experiment
 from jaxclay.sweep.load import table

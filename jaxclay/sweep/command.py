@@ -135,3 +135,16 @@ def report(folder: str | Path) -> int:
     written = write(Path(folder))
     print(f"wrote {len(written)} files to {folder}, among them report.html")
     return 0
+
+
+def agree(
+    experiment: str | Path,
+    out: str | Path | None,
+    profiles: str | Path | None,
+    only: str | None,
+    interrupt: Interrupt,
+) -> int:
+    """Compare greedy with gradient: see :func:`jaxclay.sweep.agree.agree`."""
+    from jaxclay.sweep.agree import agree as compared
+
+    return compared(experiment, out, profiles, only, interrupt)

@@ -73,9 +73,11 @@ def _add_agree(commands, interrupt: Interrupt) -> None:
     agree.add_argument("--only", metavar="KEY", help="only the task of this key")
 
     def run(options: argparse.Namespace) -> int:
-        from jaxclay.sweep.agree import agree as compare
+        from jaxclay.sweep import command  # first: it says which extra is missing
 
-        return compare(options.experiment, options.out, options.profiles, options.only, interrupt)
+        return command.agree(
+            options.experiment, options.out, options.profiles, options.only, interrupt
+        )
 
     agree.set_defaults(run=run)
 
