@@ -21,6 +21,7 @@ def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
     Parameters
     ----------
     problem : Problem or SplineProblem
+        From :func:`jaxclay.pose`.
     unknowns : (n+1,) or (N,) array
         Heights Y_i, in the clay's length unit, or a spline's coefficients.
 

@@ -73,7 +73,8 @@ def main() -> int:
     for name in arguments.only:
         single, alone = measured(name, arguments.scenes)
         together, clock = on_all_cores(name, arguments.scenes)
-        rates = (f"{rate:.0f}" for rate in (single, alone, together, clock))
+        rates = [f"{rate:.0f}" for rate in (single, alone, together, clock)]
+        print(f"{name}: {', '.join(rates)}", file=sys.stderr, flush=True)
         found.add_row(name, *rates, on_gpu(name))
         bounds += bounds_of(name, single, alone, together)
     console.print(found)

@@ -34,10 +34,12 @@ def experiment(tmp_path_factory):
     path.write_text(TEXT)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "_MOST", 2)
-        before = jax.config.jax_compilation_cache_dir
-        jax.config.update("jax_compilation_cache_dir", str(path.parent / "compilations"))
+        before = {name: getattr(jax.config, name) for name in backends._KEPT_SETTINGS}
+        for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
+            jax.config.update(name, value)
         yield path
-        jax.config.update("jax_compilation_cache_dir", before)
+        for name, value in before.items():
+            jax.config.update(name, value)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +67,7 @@ def killer(victims):
 
 
 @pytest.fixture(scope="module")
-def with_dask(experiment, tmp_path_factory):
+def with_dask(serial, experiment, tmp_path_factory):
     """A run on a local cluster one worker of which is killed."""
     out, victims = tmp_path_factory.mktemp("dask"), []
     engine.run(read_experiment(experiment), out, "dask", tell=killer(victims))
