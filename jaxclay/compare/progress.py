@@ -10,7 +10,6 @@ from rich.progress import (
     ProgressColumn,
     Task,
     TextColumn,
-    TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.text import Text
@@ -22,9 +21,8 @@ def progress_bar() -> Progress:
     """The bar, to be used as a context."""
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=12),
         MofNCompleteColumn(),
-        TimeElapsedColumn(),
         _Rate(),
         TextColumn("left"),
         TimeRemainingColumn(),
@@ -35,7 +33,7 @@ def progress_bar() -> Progress:
 
 def fit(text: str) -> str:
     """The text in the width that the bar keeps for it."""
-    return f"{text:<45.45}"
+    return f"{text:<34.34}"
 
 
 class _Rate(ProgressColumn):

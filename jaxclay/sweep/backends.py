@@ -106,6 +106,7 @@ def dask(batches: Batches, scheduler: str | None = None) -> Iterator[list[Row]]:
                 local(
                     n_workers=count, threads_per_worker=1, memory_limit="auto",
                     dashboard_address=None, env=one_thread(), silence_logs=50,
+                    preload=["jaxclay.sweep.dask_worker"],
                 )
             )  # fmt: skip
         client: Any = stack.enter_context(Client(where, timeout=_ANSWERS_WITHIN))
