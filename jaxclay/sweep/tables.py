@@ -53,7 +53,23 @@ class MaterialTable(Table):
 
 
 class ScenesTable(Table):
-    """Scenes: by ``names``, or pieces and squashes in all combinations, or ``draws`` of them."""
+    """Scenes: by ``names``, or pieces and squashes in all combinations, or ``draws`` of them.
+
+    Attributes
+    ----------
+    names : list of str
+        Of packaged scenes (:mod:`jaxclay.compare.scenes`); only ``units`` goes beside them.
+    profiles : list of str
+        Packaged profiles, or CSV files by glob, from the experiment file's folder.
+    cylinders : table
+    squash : table, or list of tables
+        One, or a succession, of which the last is solved.
+    material : table
+    units : list of str
+        Of alpha and beta: "snake" (raw differences of 64 slices), "printed" (eq. 21), or both.
+    draws : int
+        How many scenes to draw at random; without it all combinations are taken.
+    """
 
     names: Annotated[list[str], Field(min_length=1)] | None = None
     profiles: Annotated[list[str], Field(min_length=1)] | None = None
@@ -144,7 +160,24 @@ class AgreeTable(Table):
 
 
 class Experiment(Table):
-    """What to run; the README lists every key."""
+    """What to run.
+
+    Attributes
+    ----------
+    kind : str
+        "timing", alone on one core and repeated, or "throughput", many at once.
+    seed : int
+        Of everything that is drawn.
+    slices : numbers
+        Grids of the paper's scheme, 8 to 4096.
+    tolerances : numbers
+        Of the contour over l, for the scheme "spline".
+    repeats : int
+        Timed runs of each task, for "timing"; more of short ones.
+    scenes, methods : lists of tables
+    agree : table
+        For ``jaxclay agree``.
+    """
 
     kind: Kind
     seed: Annotated[int, Field(ge=0)] = 0
