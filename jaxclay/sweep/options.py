@@ -84,7 +84,8 @@ def _add_agree(commands, interrupt: Interrupt) -> None:
 
 def _add_common(command) -> None:
     command.add_argument(
-        "experiment", help="TOML file, or paper, population or agreement, which come with jaxclay"
+        "experiment",
+        help="TOML file, or one that comes with jaxclay: paper, population, splines, agreement",
     )
     command.add_argument("--out", type=Path, metavar="FOLDER", help="default out/NAME of the file")
     command.add_argument(
