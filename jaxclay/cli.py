@@ -1,4 +1,4 @@
-"""The command line: ``jaxclay compare``, ``jaxclay atlas`` and ``jaxclay deform``."""
+"""The command line: ``jaxclay compare``, ``deform``, ``sweep`` and the others."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import jaxclay
 from jaxclay.atlas.options import add_to as add_atlas
 from jaxclay.deform_command import add_minimum_radius
 from jaxclay.deform_command import add_to as add_deform
+from jaxclay.sweep.options import add_to as add_sweep
 
 _BAD_INPUT = 2
 _INTERRUPTED = 130
@@ -35,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
     keep_compilations()
     try:
         return options.run(options)
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError, RuntimeError) as error:
         print(f"jaxclay {options.command}: error: {error}", file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:
@@ -75,6 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_compare(commands)
     add_atlas(commands, check_interrupt)
     add_deform(commands, check_interrupt)
+    add_sweep(commands, check_interrupt)
     return parser
 
 

@@ -16,7 +16,20 @@ from jaxclay.methods.base import AnyProblem
 
 
 def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
-    """The four terms of E_total (eq. 9)."""
+    """The four terms of E_total (eq. 9), scalars without a unit.
+
+    Parameters
+    ----------
+    problem : Problem or SplineProblem
+        From :func:`jaxclay.pose`.
+    unknowns : (n+1,) or (N,) array
+        Heights Y_i, in the clay's length unit, or a spline's coefficients.
+
+    Raises
+    ------
+    ValueError
+        Unknowns of another shape.
+    """
     expected = problem.unknown_shape
     if np.shape(unknowns) != expected:
         raise ValueError(

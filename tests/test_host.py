@@ -175,7 +175,7 @@ def test_only_jaxopts_warning_is_filtered():
                 assert "JAXopt is no longer maintained" in ast.unparse(node), path
 
 
-TOP = {"compare", "plots", "cli", "deform_command", "studio", "_html"}
+TOP = {"compare", "sweep", "plots", "cli", "deform_command", "studio", "_html"}
 ORDER = ["clay", "squash", "side", "band", "energy", "schemes", "problem", "scm", "minimize"]
 
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxclay.compare.peers import PEERS
+from jaxclay.compare.plan import DEFAULT_METHODS
 from jaxclay.compare.results import records, select
 from jaxclay.compare.runner import Overlay
 from jaxclay.methods import METHODS
@@ -85,17 +86,19 @@ def _panels(rows: pd.DataFrame, scene: str, draw) -> Figure:
 
 def _lines(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, dict]]:
     for method in dict.fromkeys(rows.method):
-        yield method, select(rows, rows.method == method), _style(method)
+        yield method, select(rows, rows.method == method), style(method)
 
 
-def _style(method: str) -> dict:
+def style(method: str) -> dict:
     """Every method has its colour and marker in all charts; peers are dashed and hollow."""
     style = {"label": method, "markersize": 5, "linewidth": 1.3}
     if method in PEERS:
         j = list(PEERS).index(method)
         dashed = {"linestyle": "--", "markerfacecolor": "white"}
         return style | dashed | {"color": COLOURS[6 - j], "marker": _MARKERS[7 - j]}
-    j = list(METHODS).index(method)
+    # Those that run unless told otherwise come first, and so never share a colour.
+    order = [*DEFAULT_METHODS, *(name for name in METHODS if name not in DEFAULT_METHODS)]
+    j = order.index(method)
     line = "-" if j < len(COLOURS) else "-."
     return style | {"linestyle": line, "color": COLOURS[j % 8], "marker": _MARKERS[j]}
 

@@ -9,10 +9,10 @@ from pathlib import Path
 try:
     import pyarrow  # noqa: F401  # pandas asks for it when everything has been measured
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
     from threadpoolctl import threadpool_limits
 
     from jaxclay.compare import report, results
+    from jaxclay.compare.progress import fit, progress_bar
 except ImportError as error:
     raise ImportError(
         f"jaxclay compare needs {error.name}: pip install 'jaxclay[compare]'", name=error.name
@@ -148,19 +148,3 @@ def _run(plan: Plan, rows: list[Row], overlays: list[Overlay], interrupt) -> Non
             if row["experiment"] in ("answer", "grid"):
                 progress.advance(task)
         progress.update(task, description=fit("done"))
-
-
-def progress_bar() -> Progress:
-    """A bar on stderr: what is running, how many are done, the time so far."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    return Progress(*columns, console=Console(stderr=True))
-
-
-def fit(text: str) -> str:
-    """The text in the width that the bar keeps for it."""
-    return f"{text:<45.45}"

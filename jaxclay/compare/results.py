@@ -60,6 +60,11 @@ def select(table: pd.DataFrame, mask: Any) -> pd.DataFrame:
     return cast(pd.DataFrame, table[mask])
 
 
+def groups(table: pd.DataFrame, by: str | list[str]) -> Iterable[Any]:
+    """The value, or values, of the columns ``by`` and the rows that have it, in order."""
+    return table.groupby(by, sort=True, dropna=False)
+
+
 def records(table: pd.DataFrame) -> Iterable[Any]:
     """The rows, one by one, columns as attributes."""
     return table.itertuples()

@@ -14,16 +14,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from typing import Any
-
-import numpy as np
 
 from jaxclay.clay import Clay
 from jaxclay.compare.clock import Clock
 from jaxclay.compare.peers import PEERS, refusal
 from jaxclay.compare.plan import Job, Plan
-from jaxclay.contour import contour_error
-from jaxclay.energies import total_energy
+from jaxclay.compare.rows import Row, distance, judged, slack, start_energy
 from jaxclay.minimize import Solution, minimize
 
 LADDERS: dict[str, tuple[str, tuple[float, ...]]] = {
@@ -53,9 +49,6 @@ class Overlay:
     rest: Clay
     rough: Clay
     answers: dict[str, Clay]
-
-
-Row = dict[str, Any]
 
 
 def run(
@@ -88,7 +81,7 @@ def _run_job(plan, job, clock, finest, tick):
             continue
         tick(f"{scene.name} {units} {n} {method}")
         row, answer = _answer(job, method, job.experiment, problem, reference, clock)
-        row["contour_error_finest"] = _distance(answer.clay, target)
+        row["contour_error_finest"] = distance(answer.clay, target)
         answers[method] = answer.clay
         overlay = None
         if job.shown and method == plan.methods[-1]:
@@ -131,32 +124,13 @@ def _answer(
     """One method's answer as a row, judged against the certified minimum."""
     settings = settings or {}
     timing, answer = clock.time(problem, reference.rough, method, settings)
-    certified = bool(reference.certificate.accepted)
-    scale = float(reference.certificate.energy_free)
-    gap = float(answer.energy - reference.energy)
     row = _row(job, method, experiment) | timing
+    row |= judged(answer, reference)
     row |= {
         "setting": next(iter(settings), ""),
         "value": float(next(iter(settings.values()), float("nan"))),
-        "status": str(answer.status),
-        "reason": answer.message,
-        "case": answer.rough.case,
-        "case_below": answer.rough.case_below,
-        "floored": bool(answer.rough.floored),
-        "energy": float(answer.energy),
-        "energy_start": float(total_energy(problem, answer.rough.heights)),
-        "energy_minimum": float(reference.energy) if certified else float("nan"),
-        "energy_free": scale,
-        "gap": gap if certified else float("nan"),
-        "gap_relative": gap / scale if certified and scale > 0 else float("nan"),
-        "contour_error": _distance(answer.clay, reference.clay if certified else None),
-        "iterations": int(answer.iterations),
-        "unknowns": int(answer.unknowns),
-        "decrement": float(answer.certificate.decrement),
-        "step": float(answer.certificate.step),
-        "residual": float(answer.certificate.residual),
-        "positive": bool(answer.certificate.positive),
-        "slack": _slack(answer),
+        "energy_start": start_energy(answer),
+        "slack": slack(answer),
         "visits_per_second": _visits(method, answer, timing["solve_s"]),
         "paper_1993_s": 0.3 if method == "greedy" and job.slices == 64 else float("nan"),
     }
@@ -177,19 +151,8 @@ def _skipped(job: Job, method: str, reason: str) -> Row:
     return _row(job, method, job.experiment) | {"status": "skipped", "reason": reason}
 
 
-def _slack(answer: Solution) -> float:
-    """Least thickness above the floor of a loose slice, over its thickness at rest."""
-    problem = answer.problem
-    stretch = np.asarray(answer.clay.thickness) / np.asarray(problem.clay.thickness)
-    return float((stretch - problem.material.floor)[problem.loose].min(initial=np.inf))
-
-
 def _visits(method: str, answer: Solution, seconds: float) -> float:
     """Greedy's speed: free nodes visited a second, both candidate moves tried."""
     if not method.startswith("greedy"):
         return float("nan")
     return int(answer.iterations) * int(answer.unknowns) / seconds
-
-
-def _distance(clay: Clay, target: Clay | None) -> float:
-    return float("nan") if target is None else contour_error(clay, target)

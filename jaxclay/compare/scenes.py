@@ -35,8 +35,8 @@ class Scene:
         The piece before the first squash.
     squashes : tuple of Squash
         All but the last are solved by ``newton``.
-    k, mu : float
-        Of the material; alpha = beta = 1 in the units asked for.
+    k, mu, alpha, beta : float
+        Of the material, alpha and beta in the units asked for.
     units : tuple
         Which of "snake", "printed" and "move" (E_move alone, alpha = beta = 0) it is run in.
     fewest_slices : int
@@ -50,14 +50,17 @@ class Scene:
     mu: float = 1.0
     units: tuple[str, ...] = UNITS
     fewest_slices: int = 3
+    alpha: float = 1.0
+    beta: float = 1.0
 
     def material(self, units: str) -> Material:
-        """alpha = beta = 1 as printed (eq. 21) or in snake units of 64 slices, or 0."""
+        """alpha and beta as printed (eq. 21) or in snake units of 64 slices, or 0."""
         if units == "move":
             return Material(self.k, self.mu, 0.0, 0.0)
         if units == "printed":
-            return Material(self.k, self.mu)
-        return Material.from_snake_units(self.k, self.mu, slices=SNAKE_SLICES)
+            return Material(self.k, self.mu, self.alpha, self.beta)
+        constants = self.k, self.mu, self.alpha, self.beta
+        return Material.from_snake_units(*constants, slices=SNAKE_SLICES)
 
     def problems(self, units: str, slices: int) -> list[Problem]:
         """Each squash posed on what the certified minima before it left."""

@@ -1,0 +1,190 @@
+"""Where batches are solved: in this process, in spawned ones, or by dask.distributed.
+
+Processes are spawned, never forked: JAX's threads do not survive a fork.  Each worker gets one
+thread, so that two of them on two cores do not wait for each other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from jaxclay.compare.rows import Row
+from jaxclay.sweep.solving import solve
+from jaxclay.sweep.tasks import Task
+
+BACKENDS = ("serial", "processes", "dask")
+Batches = Iterable[list[Task]]
+_ANSWERS_WITHIN = 20.0  # seconds, a scheduler
+_AHEAD = 2  # batches that each worker has waiting
+_MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have; each executable takes some
+_KEPT_SETTINGS = (
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def serial(batches: Batches) -> Iterator[list[Row]]:
+    """Solve the batches here, one after the other."""
+    for batch in batches:
+        yield solve_in_worker(batch)
+
+
+def processes(batches: Batches, workers: int | None = None) -> Iterator[list[Row]]:
+    """Solve the batches in as many spawned processes as there are cores.
+
+    Raises
+    ------
+    RuntimeError
+        A process died, as where memory runs out.
+    """
+    count = workers or cores()
+    spawn = multiprocessing.get_context("spawn")
+    numbers = spawn.Queue()
+    for number in range(count):
+        numbers.put(number)
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(count, spawn, _begin_process, (numbers,))
+    try:
+        with _environment(one_thread()):
+            yield from _as_they_end(
+                batches, count, lambda batch: pool.submit(solve_in_worker, batch), _first_done
+            )
+    except BrokenProcessPool:
+        raise RuntimeError(
+            "a worker process died: is there memory enough? What had ended is kept"
+        ) from None
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()
+
+
+def dask(batches: Batches, scheduler: str | None = None) -> Iterator[list[Row]]:
+    """Solve the batches on a dask cluster: one here, of a worker a core, or a scheduler's own.
+
+    A worker that dies is replaced, and its batch solved again.
+
+    Raises
+    ------
+    ImportError
+        dask.distributed is missing.
+    OSError
+        Nobody answers at the scheduler's address.
+    """
+    try:
+        from distributed import Client, LocalCluster, as_completed
+    except ImportError as error:
+        raise ImportError(
+            "--backend dask needs dask.distributed: pip install 'jaxclay[sweep]'", name=error.name
+        ) from error
+
+    count = cores()
+    with contextlib.ExitStack() as stack:
+        where: Any = scheduler
+        local: Any = LocalCluster  # its annotations leave out what it documents
+        if scheduler is None:
+            where = stack.enter_context(
+                local(
+                    n_workers=count, threads_per_worker=1, memory_limit="auto",
+                    dashboard_address=None, env=one_thread(), silence_logs=50,
+                    preload=["jaxclay.sweep.dask_worker"],
+                )
+            )  # fmt: skip
+        client: Any = stack.enter_context(Client(where, timeout=_ANSWERS_WITHIN))
+        running = as_completed()
+        numbers = itertools.count()
+        left = iter(batches)
+
+        def submit(batch):
+            key = f"jaxclay-{os.getpid()}-{next(numbers)}"
+            running.add(client.submit(solve_in_worker, batch, key=key, pure=False))
+
+        for batch in itertools.islice(left, _AHEAD * max(len(client.nthreads()), count)):
+            submit(batch)
+        for future in running:
+            yield future.result()
+            for batch in itertools.islice(left, 1):
+                submit(batch)
+
+
+def _as_they_end(batches: Batches, workers: int, submit: Callable, first_done: Callable):
+    """Results in the order in which they come; few batches wait, so that others can be left out."""
+    left, running = iter(batches), set()
+    while True:
+        room = _AHEAD * workers - len(running)
+        running |= {submit(batch) for batch in itertools.islice(left, room)}
+        if not running:
+            return
+        done, running = first_done(running)
+        for future in done:
+            yield future.result()
+
+
+def _first_done(running):
+    return wait(running, return_when=FIRST_COMPLETED)
+
+
+def solve_in_worker(batch: list[Task]) -> list[Row]:
+    """Solve a batch; let go of what is compiled before the kernel's limit of mappings."""
+    found = solve(batch)
+    maps = Path("/proc/self/maps")
+    if maps.exists() and len(maps.read_text().splitlines()) > _MOST_MAPPINGS:
+        jax.clear_caches()
+    return found
+
+
+def one_thread() -> dict[str, str]:
+    """Environment of a worker: one thread for BLAS and for XLA, the same cache of compilations.
+
+    XLA's pool has as many threads as NPROC says; handing small problems from one to another
+    costs a third of the time.
+    """
+    names = "NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
+    kept = {name.upper(): getattr(jax.config, name) for name in _KEPT_SETTINGS}
+    return {
+        **dict.fromkeys(names, "1"),
+        "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
+        **{name: str(value) for name, value in kept.items() if value is not None},
+    }
+
+
+def _begin_process(numbers) -> None:
+    """A worker's first act: its own core, and Ctrl-C left to the process that it works for."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "sched_setaffinity"):
+        mine = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {mine[numbers.get() % len(mine)]})
+
+
+@contextlib.contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """The process's environment with these variables, which spawned processes inherit."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

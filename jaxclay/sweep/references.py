@@ -1,0 +1,80 @@
+"""The certified minima that answers are measured against, from another method than theirs."""
+
+from __future__ import annotations
+
+import functools
+
+from jaxclay.clay import Clay, Material
+from jaxclay.minimize import Solution, deform
+from jaxclay.problem import Problem
+from jaxclay.smooth_clay import SmoothClay
+from jaxclay.squash import Squash
+from jaxclay.sweep.batched import minimized
+from jaxclay.sweep.recipe import Recipe
+
+_FINE = 512  # slices from which a profile becomes a function
+_EARLIER = 1e-5  # tolerance of the squashes before the last
+_GOOD_ENOUGH = 10.0  # error estimate of a reference over the tolerance it was asked for
+_KEPT = 1024
+
+
+def referee(method: str) -> str:
+    """Whose certified minimum a method's gap is measured from, never its own."""
+    return "lbfgs-preconditioned" if method == "newton" else "newton"
+
+
+@functools.lru_cache(maxsize=_KEPT)
+def posed(recipe: Recipe, slices: int) -> Problem:
+    """The last squash, posed on the paper's scheme.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        Why the scene cannot be posed, or an earlier squash not be solved, on this grid.
+    """
+    return recipe.scene().problems(recipe.units, slices)[-1]
+
+
+_minima: dict[tuple[str, Recipe, int], Solution] = {}
+
+
+def certified_minima(wanted: list[tuple[Recipe, int]], method: str) -> list[Solution | None]:
+    """The referee's answers for scenes that can be posed, None where it is not certified."""
+    judge = referee(method)
+    new = [one for one in dict.fromkeys(wanted) if (judge, *one) not in _minima]
+    if len(_minima) > _KEPT:
+        _minima.clear()
+        new = list(dict.fromkeys(wanted))
+    for size in {slices for _, slices in new}:
+        same = [one for one in new if one[1] == size]
+        answers = minimized([posed(*one) for one in same], judge, [{}] * len(same))
+        _minima.update(((judge, *one), answer) for one, answer in zip(same, answers, strict=True))
+    found = [_minima[judge, *one] for one in wanted]
+    return [answer if bool(answer.certificate.accepted) else None for answer in found]
+
+
+def function_of(recipe: Recipe) -> tuple[Clay | SmoothClay, Squash, Material]:
+    """The last squash as :func:`jaxclay.deform` takes it for splines: clay, squash, material.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        Why an earlier squash could not be solved.
+    """
+    scene = recipe.scene()
+    clay, material = scene.clay(_FINE), scene.material(recipe.units)
+    for squash in scene.squashes[:-1]:
+        clay = deform(clay, squash, material, tolerance=_EARLIER).raise_for_status().clay
+    return clay, scene.squashes[-1], material
+
+
+@functools.lru_cache(maxsize=_KEPT)
+def true_minimum(recipe: Recipe, tolerance: float) -> Solution | None:
+    """The continuum's minimum by splines to ``tolerance``; None where it is not certified."""
+    try:
+        answer = deform(*function_of(recipe), tolerance=tolerance)
+    except (ValueError, RuntimeError):
+        return None
+    estimate = answer.error_estimate
+    exact = estimate is not None and float(estimate) <= _GOOD_ENOUGH * tolerance
+    return answer if exact and bool(answer.certificate.accepted) else None

@@ -1,0 +1,171 @@
+"""``report.html`` of a sweep: charts, medians, what ran on what, from results alone."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from jaxclay.compare.report import save_charts, save_page
+from jaxclay.compare.results import groups, number, select
+from jaxclay.sweep.charts import prepared, throughput_charts, timing_charts
+from jaxclay.sweep.heat import failure_charts
+from jaxclay.sweep.load import curves, table
+from jaxclay.sweep.statistics import HIGH, SHIFT, shifted_geometric_mean
+
+_KINDS = {
+    "timing": "Timing runs: one task at a time on one core, repeated, compiling apart.",
+    "throughput": "Throughput runs: many tasks at once. Their seconds are shares of compiled calls "
+    "beside which others ran, so that none are drawn here or compared with those of timing runs.",
+}
+_WHERE = ("host", "processor", "machine", "device", "dtype", "jaxclay", "jax", "jaxlib", "jaxopt",
+          "optax", "numpy", "python")  # fmt: skip
+_BY = ["units", "slices", "tolerance", "series", "settings"]
+
+
+def write(folder: Path) -> list[Path]:
+    """Write the charts as PNG and ``report.html``; returns the paths.
+
+    Raises
+    ------
+    ValueError
+        There are no results in the folder.
+    """
+    everything = prepared(table(folder))
+    traces = curves(folder)
+    written: list[Path] = []
+    body = f"<p>{_summary(everything)}</p>"
+    for kind, explained in _KINDS.items():
+        rows = select(everything, everything.kind == kind)
+        if rows.empty:
+            continue
+        drawn = [
+            (f"{kind}-{name}", caption, figure)
+            for name, caption, figure in _charts(kind, rows, traces)
+        ]
+        paths, figures = save_charts(drawn, folder)
+        written += paths
+        body += f"<h2>{kind.capitalize()}</h2><p>{explained}</p>{figures}"
+        body += f"<h3>Medians</h3>{_explanation(kind)}<div class=wide>{_medians(rows, kind)}</div>"
+        body += _failures(rows)
+    body += f"<h2>What ran on what</h2>{_what_ran(everything)}"
+    return [*written, save_page("jaxclay sweep", body, folder)]
+
+
+def _charts(kind: str, rows: pd.DataFrame, traces):
+    tried = select(rows, rows.status != "skipped")
+    if tried.empty:
+        return
+    if kind == "timing":
+        yield from timing_charts(tried, traces)
+    else:
+        yield from throughput_charts(tried)
+    yield from failure_charts(rows)
+
+
+def _summary(rows: pd.DataFrame) -> str:
+    counts = rows.status.value_counts()
+    listed = ", ".join(f"{count} {escape(str(status))}" for status, count in counts.items())
+    missing = int((rows.energy_minimum.isna() & (rows.status != "skipped")).sum())
+    return (
+        f"{len(rows)} tasks on {rows.recipe.nunique()} scenes: {listed}. "
+        f"{missing} answers have no certified minimum to be measured from."
+    )
+
+
+def _explanation(kind: str) -> str:
+    times = (
+        f"Milliseconds are of the compiled call alone; the shifted geometric mean adds "
+        f"{SHIFT * 1e3:g} ms before it takes logarithms, and the last column holds the time that "
+        f"{HIGH:.0%} of the tasks stay below. "
+        if kind == "timing"
+        else ""
+    )
+    return (
+        f"<p>{times}Gaps are over E_free, measured from the minimum of another method than the "
+        "row's, which the certificate accepts: named in the column reference. Where it accepts "
+        "none, the column uncertified counts the task and the medians are without it.</p>"
+    )
+
+
+def _medians(rows: pd.DataFrame, kind: str) -> str:
+    timing = kind == "timing"
+    names = ["units", "slices", "method", "settings", "tasks", "certified", "skipped"]
+    names += ["gap / E_free", "contour error / l", "from the continuum / l", "iterations"]
+    names += ["median ms", "shifted mean ms", "90% ms"] if timing else []
+    names += ["reference", "uncertified"]
+    lines = []
+    for (units, slices, tolerance, series, settings), part in groups(rows, _BY):
+        size = f"{slices}" if slices else f"to {tolerance:g}"
+        cells = [units, size, series, settings, *_figures(part, timing)]
+        lines.append("".join(_cell(text) for text in cells))
+    head = "".join(f"<th class=l>{name}</th>" for name in names)
+    return f"<table><tr>{head}</tr><tr>{'</tr><tr>'.join(lines)}</tr></table>"
+
+
+def _figures(part: pd.DataFrame, timing: bool) -> list[str]:
+    tried = select(part, part.status != "skipped")
+    certified = (tried.status == "converged").mean()
+    figures = [
+        f"{len(part)}",
+        number(certified, ".0%", ""),
+        f"{len(part) - len(tried) or ''}",
+        _median(tried.gap_relative) or "none certified",
+        _median(tried.contour_error),
+        _median(tried.contour_error_continuum),
+        number(tried.iterations.median(), ".0f", ""),
+    ]
+    if timing:
+        times = tried.solve_s
+        values = times.median(), shifted_geometric_mean(times), times.quantile(HIGH)
+        figures += [number(value * 1e3, ".3g", "") for value in values]
+    who = [name for name in tried.reference.unique() if name != "none certified"]
+    lost = int(tried.energy_minimum.isna().sum())
+    return [*figures, ", ".join(who) or "none certified", f"{lost or ''}"]
+
+
+def _median(errors: pd.Series) -> str:
+    """Of the errors that are known; nothing where none is."""
+    known = np.abs(errors.dropna())
+    return f"{np.median(known):.1e}" if len(known) else ""
+
+
+def _cell(text: object) -> str:
+    return f"<td class=l>{escape(str(text))}</td>"
+
+
+def _failures(rows: pd.DataFrame) -> str:
+    """How tasks ended that were not certified, and an example of each."""
+    others = select(rows, rows.status != "converged")
+    if others.empty:
+        return ""
+    lines = "".join(
+        f"<tr>{_cell(series)}{_cell(status)}{_cell(len(part))}{_cell(part.task.iloc[0])}"
+        f"{_cell(part.reason.iloc[0])}</tr>"
+        for (series, status), part in groups(others, ["series", "status"])
+    )
+    head = "".join(f"<th class=l>{name}</th>" for name in
+                   ("method", "ended as", "tasks", "for example", "why"))  # fmt: skip
+    return f"<h3>Not certified</h3><div class=wide><table><tr>{head}</tr>{lines}</table></div>"
+
+
+def _what_ran(rows: pd.DataFrame) -> str:
+    """Machines and versions, with what each of them ran."""
+    tables = []
+    for values, part in groups(rows, [*_WHERE]):
+        ran = groups(part, ["kind", "scheme", "method"])
+        listed = ", ".join(f"{len(same)} {' '.join(names)}" for names, same in ran)
+        cores = " or ".join(f"{int(n)}" for n in sorted(part.cores.dropna().unique()))
+        pins = sorted(int(pin) for pin in part.pinned.dropna().unique() if pin >= 0)
+        held = f"; timing held on core {', '.join(map(str, pins))}" if pins else ""
+        lines = [
+            *zip(_WHERE, values, strict=True),
+            ("tasks", listed),
+            ("processes", f"{part.process.nunique()}, each of {cores} cores{held}"),
+            ("finished", f"{part.finished.min()} to {part.finished.max()}"),
+        ]
+        cells = "".join(f"<tr>{_cell(name)}{_cell(value)}</tr>" for name, value in lines)
+        tables.append(f"<table>{cells}</table>")
+    return "<br>".join(tables)

@@ -1,0 +1,145 @@
+"""Solves a batch of tasks of one shape and says what came out: the work of one worker."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+from jaxclay.clay import Clay
+from jaxclay.compare import rows
+from jaxclay.compare.rows import Row
+from jaxclay.minimize import Solution, deform
+from jaxclay.smooth_clay import SmoothClay
+from jaxclay.sweep.batched import minimized
+from jaxclay.sweep.references import certified_minima, function_of, posed, referee, true_minimum
+from jaxclay.sweep.tasks import Task
+from jaxclay.sweep.timing import Times, timed_function, timed_slices
+from jaxclay.sweep.where import where
+
+_CONTOUR_POINTS = 129  # of a function's contour, at equal steps of u
+_NONE = "none certified"
+_NOT_TIMED = Times()
+
+
+def solve(batch: list[Task]) -> list[Row]:
+    """A row for each task of one shape; what cannot be posed has the status "skipped"."""
+    timing, splines = batch[0].kind == "timing", batch[0].scheme == "spline"
+    if timing:
+        found = [_timed(task) for task in batch]
+    else:
+        found = [_function(task) for task in batch] if splines else _slices(batch)
+    here, now = where(), datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return [
+        _inputs(task) | row | here | {"finished": now}
+        for task, row in zip(batch, found, strict=True)
+    ]
+
+
+def _slices(batch: list[Task]) -> list[Row]:
+    """The paper's scheme: one compiled call for all that can be posed."""
+    results: dict[int, Row] = {}
+    problems = {}
+    for i, task in enumerate(batch):
+        try:
+            problems[i] = posed(task.recipe, task.slices)
+        except (ValueError, RuntimeError) as error:
+            results[i] = _skipped(error)
+    method = batch[0].method
+    begin = time.perf_counter()
+    answers = minimized(
+        list(problems.values()), method, [dict(batch[i].settings) for i in problems]
+    )
+    seconds = (time.perf_counter() - begin) / max(len(problems), 1)
+    wanted = [(batch[i].recipe, batch[i].slices) for i in problems]
+    minima = certified_minima(wanted, method)
+    for i, answer, minimum in zip(problems, answers, minima, strict=True):
+        times = Times(solve_s=seconds, repeats=1, batch=len(problems))
+        results[i] = _judged(batch[i], answer, minimum, referee(method), times)
+    return [results[i] for i in range(len(batch))]
+
+
+def _function(task: Task) -> Row:
+    """Splines to a tolerance: their meshes differ, so that each is a call of its own."""
+    try:
+        clay, squash, material = function_of(task.recipe)
+        begin = time.perf_counter()
+        answer = deform(clay, squash, material, tolerance=task.tolerance)
+        times = Times(solve_s=time.perf_counter() - begin, repeats=1, batch=1)
+    except (ValueError, RuntimeError) as error:
+        return _skipped(error)
+    return _of_splines(task, answer, times)
+
+
+def _timed(task: Task) -> Row:
+    """A task alone, repeated; compiling apart."""
+    try:
+        if task.scheme == "spline":
+            answer, times = timed_function(task, *function_of(task.recipe))
+            return _of_splines(task, answer, times)
+        (minimum,) = certified_minima([(task.recipe, task.slices)], task.method)
+        answer, times = timed_slices(task, posed(task.recipe, task.slices))
+    except (ValueError, RuntimeError) as error:
+        return _skipped(error)
+    return _judged(task, answer, minimum, referee(task.method), times)
+
+
+def _of_splines(task: Task, answer: Solution, times: Times) -> Row:
+    truth = true_minimum(task.recipe, task.truth)
+    return _judged(task, answer, truth, f"spline to {task.truth:g}", times)
+
+
+def _judged(
+    task: Task, answer: Solution, minimum: Solution | None, judge: str, times: Times
+) -> Row:
+    row = rows.judged(answer, minimum)
+    truth = true_minimum(task.recipe, task.truth) if task.truth else None
+    contour = _contour(answer.clay)
+    estimate = answer.error_estimate
+    return row | times._asdict() | {
+        "reference": _NONE if minimum is None else judge,
+        "energy_start": math.nan if task.scheme == "spline" else rows.start_energy(answer),
+        "contour_error_continuum": rows.distance(answer.clay, truth and truth.clay),
+        "error_estimate": math.nan if estimate is None else float(estimate),
+        "contour_height": contour[0],
+        "contour_radius": contour[1],
+    }  # fmt: skip
+
+
+def _contour(clay: Clay | SmoothClay) -> tuple[np.ndarray, np.ndarray]:
+    """Heights and radii of the contour, from bottom to top, in the clay's length unit."""
+    if isinstance(clay, Clay):
+        heights = np.asarray(clay.heights)
+        return (heights[:-1] + heights[1:]) / 2, np.asarray(clay.radii)
+    y, y_u, *_ = clay.derivatives(np.linspace(0.0, 1.0, _CONTOUR_POINTS))
+    return np.asarray(y), float(clay.r0) / np.sqrt(np.asarray(y_u))
+
+
+def _skipped(error: Exception) -> Row:
+    none = np.zeros(0)
+    return {
+        "status": "skipped", "reason": str(error), "reference": _NONE,
+        "contour_height": none, "contour_radius": none,
+    } | _NOT_TIMED._asdict()  # fmt: skip
+
+
+def _inputs(task: Task) -> Row:
+    """What was asked for, as columns."""
+    recipe, last = task.recipe, task.recipe.bands[-1] if task.recipe.bands else None
+    row: dict[str, Any] = {
+        "key": task.key, "kind": task.kind, "scene": recipe.name, "recipe": recipe.key,
+        "number": recipe.number,
+        "source": recipe.source, "units": recipe.units, "scheme": task.scheme,
+        "slices": task.slices, "tolerance": task.tolerance, "method": task.method,
+        "settings": ", ".join(f"{name}={value:g}" for name, value in task.settings),
+    }  # fmt: skip
+    for name in ("radius", "height", "k", "mu", "alpha", "beta"):
+        row[name] = getattr(recipe, name)
+    row["squashes"] = len(recipe.bands)
+    for name in ("bottom", "height", "ratio"):
+        row[f"band_{name}"] = math.nan if last is None else getattr(last, name)
+    row["task"] = task.described()
+    return row

@@ -1,0 +1,215 @@
+"""What an experiment file holds, key by key, and what each value may be.
+
+Lengths in a squash are those of the piece it is applied to: ``bottom`` and ``height`` of the band
+over the piece's height, ``ratio`` the tool's radius over the piece's own at mid-band.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from jaxclay.compare.scenes import packaged_scenes
+from jaxclay.methods import METHODS
+from jaxclay.methods.choice import method_settings
+from jaxclay.sweep.values import Values, numbers, whole_numbers
+
+Kind = Literal["throughput", "timing"]
+Units = Literal["snake", "printed"]
+Scheme = Literal["paper", "spline"]
+_ONE = Values((1.0,))
+
+
+class Table(BaseModel):
+    """A table of the file: no unknown keys, nothing changes once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class CylinderTable(Table):
+    """Pieces that begin as cylinders: ``radius`` and ``height`` in one length unit."""
+
+    radius: numbers(0.0, above=True)  # type: ignore[valid-type]
+    height: numbers(0.0, above=True) = _ONE  # type: ignore[valid-type]
+
+
+class SquashTable(Table):
+    """Where the tool is: ``bottom``, ``height`` and ``ratio`` over the piece's own."""
+
+    bottom: numbers(0.0, 3.0)  # type: ignore[valid-type]
+    height: numbers(0.0, 3.0, above=True)  # type: ignore[valid-type]
+    ratio: numbers(0.05, 20.0)  # type: ignore[valid-type]
+    top_fixed: bool = False
+
+
+class MaterialTable(Table):
+    """Material constants of a piece of unit height, see :class:`jaxclay.Material`."""
+
+    k: numbers(0.0, above=True) = _ONE  # type: ignore[valid-type]
+    mu: numbers(0.0) = _ONE  # type: ignore[valid-type]
+    alpha: numbers(0.0) = _ONE  # type: ignore[valid-type]
+    beta: numbers(0.0) = _ONE  # type: ignore[valid-type]
+
+
+class ScenesTable(Table):
+    """Scenes: by ``names``, or pieces and squashes in all combinations, or ``draws`` of them.
+
+    Attributes
+    ----------
+    names : list of str
+        Of packaged scenes (:mod:`jaxclay.compare.scenes`); only ``units`` goes beside them.
+    profiles : list of str
+        Packaged profiles, or CSV files by glob, from the experiment file's folder.
+    cylinders : table
+    squash : table, or list of tables
+        One, or a succession, of which the last is solved.
+    material : table
+    units : list of str
+        Of alpha and beta: "snake" (raw differences of 64 slices), "printed" (eq. 21), or both.
+    draws : int
+        How many scenes to draw at random; without it all combinations are taken.
+    """
+
+    names: Annotated[list[str], Field(min_length=1)] | None = None
+    profiles: Annotated[list[str], Field(min_length=1)] | None = None
+    cylinders: CylinderTable | None = None
+    squash: Annotated[list[SquashTable], Field(min_length=1)] | None = None
+    material: MaterialTable = MaterialTable()
+    units: Annotated[list[Units], Field(min_length=1)] = ["snake"]
+    draws: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_squash(cls, raw: Any) -> Any:
+        """A single table of a squash is a succession of one."""
+        if isinstance(raw, dict) and isinstance(raw.get("squash"), dict):
+            return raw | {"squash": [raw["squash"]]}
+        return raw
+
+    @model_validator(mode="after")
+    def _checked(self) -> ScenesTable:
+        if self.names is not None:
+            self._check_names(self.names)
+        elif self.profiles is None and self.cylinders is None:
+            raise ValueError("no scene: give names, or profiles or cylinders with a squash")
+        elif self.squash is None:
+            raise ValueError("pieces without a squash: give squash = { bottom, height, ratio }")
+        elif self.draws is None and (random := self._random_keys()):
+            raise ValueError(f"{', '.join(random)} must be drawn: say how many scenes with draws")
+        return self
+
+    def _check_names(self, names: list[str]) -> None:
+        known = packaged_scenes()
+        for name in names:
+            if name not in known:
+                raise ValueError(f"unknown scene {name!r}: choose from {', '.join(known)}")
+        given = self.model_fields_set - {"names", "units"}
+        if given:
+            raise ValueError(
+                f"{', '.join(sorted(given))} beside names, which are whole scenes: take a table "
+                "of [[scenes]] for each"
+            )
+
+    def _random_keys(self) -> list[str]:
+        tables = [t for t in (self.cylinders, self.material, *(self.squash or ())) if t]
+        found = [
+            key
+            for table in tables
+            for key, value in table
+            if isinstance(value, Values) and value.random
+        ]
+        return list(dict.fromkeys(found))
+
+
+class MethodTable(Table):
+    """A method: its schemes, and its settings, each a number, a list or a range.
+
+    ``stops`` are iterations after which fresh runs are ended, for the chart of energy against
+    time.
+    """
+
+    name: str
+    schemes: Annotated[list[Scheme], Field(min_length=1)] = ["paper"]
+    settings: dict[str, numbers(0.0)] = {}  # type: ignore[valid-type]
+    stops: whole_numbers(1, 1_000_000) | None = None  # type: ignore[valid-type]
+
+    @model_validator(mode="after")
+    def _checked(self) -> MethodTable:
+        if self.name not in METHODS:
+            raise ValueError(f"unknown method {self.name!r}: choose from {', '.join(METHODS)}")
+        for setting, values in self.settings.items():
+            if values.random:
+                raise ValueError(f"{setting} cannot be drawn at random: give a list or a range")
+            for value in values.fixed():
+                method_settings(self.name, {setting: value})
+        if self.stops and any(len(values.entries) > 1 for values in self.settings.values()):
+            raise ValueError("stops beside several settings: take a table of [[methods]] for each")
+        if "spline" in self.schemes and self.name != "newton":
+            raise ValueError(f'{self.name} works to no tolerance: scheme "spline" takes newton')
+        if "spline" in self.schemes and (self.settings or self.stops):
+            raise ValueError('scheme "spline" takes tolerances, no settings and no stops')
+        return self
+
+
+class AgreeTable(Table):
+    """How far a refined greedy answer may be from a certified one: see ``jaxclay agree``."""
+
+    energy: Annotated[float, Field(gt=0, le=1)] = 1e-4
+    contour: Annotated[float, Field(gt=0, le=1)] = 5e-4
+
+
+class Experiment(Table):
+    """What to run.
+
+    Attributes
+    ----------
+    kind : str
+        "timing", alone on one core and repeated, or "throughput", many at once.
+    seed : int
+        Of everything that is drawn.
+    slices : numbers
+        Grids of the paper's scheme, 8 to 4096.
+    tolerances : numbers
+        Of the contour over l, for the scheme "spline".
+    repeats : int
+        Timed runs of each task, for "timing"; more of short ones.
+    scenes, methods : lists of tables
+    agree : table
+        For ``jaxclay agree``.
+    """
+
+    kind: Kind
+    seed: Annotated[int, Field(ge=0)] = 0
+    slices: whole_numbers(8, 4096) = Values((64,))  # type: ignore[valid-type]
+    tolerances: numbers(1e-9, 0.1) = Values(())  # type: ignore[valid-type]
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 5
+    scenes: Annotated[list[ScenesTable], Field(min_length=1)]
+    methods: Annotated[list[MethodTable], Field(min_length=1)]
+    agree: AgreeTable = AgreeTable()
+
+    @model_validator(mode="after")
+    def _checked(self) -> Experiment:
+        splines = any("spline" in method.schemes for method in self.methods)
+        if splines and not self.tolerances.entries:
+            raise ValueError('scheme "spline" without tolerances: give tolerances = [1e-4]')
+        if self.tolerances.entries and not splines:
+            raise ValueError('tolerances without a method of scheme "spline": nothing takes them')
+        if self.tolerances.random:
+            raise ValueError("tolerances cannot be drawn at random: give a list or a range")
+        if self.kind == "throughput":
+            if "repeats" in self.model_fields_set:
+                raise ValueError('repeats belong to kind = "timing": throughput runs once')
+            if any(method.stops for method in self.methods):
+                raise ValueError('stops belong to kind = "timing", whose runs have a time each')
+        return self
+
+
+TABLES: dict[str, type[Table]] = {
+    "scenes": ScenesTable,
+    "methods": MethodTable,
+    "agree": AgreeTable,
+    "cylinders": CylinderTable,
+    "squash": SquashTable,
+    "material": MaterialTable,
+}

@@ -1,0 +1,126 @@
+"""Tasks: one solve each, with a key that says whether it has been done."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import itertools
+import json
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import jax
+
+import jaxclay
+from jaxclay.sweep.recipe import Recipe, recipes
+from jaxclay.sweep.tables import Experiment, MethodTable
+
+DTYPE = "float64"
+_REFERENCE = 0.1  # tolerance of the reference splines over the least one that is asked for
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """One solve.
+
+    Attributes
+    ----------
+    recipe : Recipe
+    kind : str
+        "throughput", or "timing": solved alone, repeatedly.
+    scheme, method : str
+    slices : int
+        Of the paper's scheme, 0 for splines.
+    tolerance : float
+        Of splines, over l; 0 for the paper's scheme.
+    settings : tuple of (name, value)
+        The method's; what is not here has its default.
+    stops : tuple of int
+        Iterations after which runs are ended, for the trace of the energy.
+    repeats : int
+        Timed runs.
+    truth : float
+        Tolerance of the splines that contours are compared with as well; 0 for none.
+    """
+
+    recipe: Recipe
+    kind: str
+    scheme: str
+    method: str
+    slices: int
+    tolerance: float
+    settings: tuple[tuple[str, float], ...]
+    stops: tuple[int, ...]
+    repeats: int
+    truth: float
+
+    @property
+    def shape(self) -> tuple[str, str, int]:
+        """What one compiled call serves."""
+        return self.scheme, self.method, self.slices
+
+    @functools.cached_property
+    def key(self) -> str:
+        """A hash of the inputs, the package's version, the dtype and the device."""
+        inputs = dataclasses.asdict(self) | {"recipe": self.recipe.key}
+        whole = {"task": inputs, "jaxclay": jaxclay.__version__, "dtype": DTYPE, "device": device()}
+        text = json.dumps(whole, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+    def described(self) -> str:
+        """The task in a few words."""
+        size = f"{self.slices} slices" if self.slices else f"to {self.tolerance:g}"
+        with_settings = "".join(f" {name}={value:g}" for name, value in self.settings)
+        r = self.recipe
+        return f"{r.name} {r.number} ({r.units}, {size}): {self.method}{with_settings}"
+
+
+@functools.cache
+def device() -> str:
+    """Where solves run, such as "cpu" or "gpu NVIDIA H100"."""
+    first = jax.devices()[0]
+    kind = "" if first.device_kind == first.platform else f" {first.device_kind}"
+    return f"{first.platform}{kind}"
+
+
+def tasks(experiment: Experiment) -> list[Task]:
+    """Every task of the experiment once, those of one shape together."""
+    tolerances = experiment.tolerances.fixed()
+    truth = max(_REFERENCE * min(tolerances), 1e-9) if tolerances else 0.0
+    timing = experiment.kind == "timing"
+    found = [
+        Task(
+            recipe, experiment.kind, scheme, method.name, slices, tolerance, settings,
+            tuple(int(stop) for stop in method.stops.fixed()) if method.stops else (),
+            experiment.repeats if timing else 1, truth,
+        )
+        for recipe in recipes(experiment)
+        for method in experiment.methods
+        for scheme, slices, tolerance in _sizes(experiment, method)
+        for settings in _settings(method)
+    ]  # fmt: skip
+    once = {task.key: task for task in found}
+    return sorted(once.values(), key=lambda task: task.shape)
+
+
+def _sizes(experiment: Experiment, method: MethodTable) -> Iterator[tuple[str, int, float]]:
+    for scheme in method.schemes:
+        if scheme == "paper":
+            yield from (("paper", int(n), 0.0) for n in experiment.slices.fixed())
+        else:
+            yield from (("spline", 0, tolerance) for tolerance in experiment.tolerances.fixed())
+
+
+def _settings(method: MethodTable) -> Iterable[tuple[tuple[str, float], ...]]:
+    names = sorted(method.settings)
+    values = [method.settings[name].fixed() for name in names]
+    return [tuple(zip(names, each, strict=True)) for each in itertools.product(*values)]
+
+
+def batches(todo: list[Task], sizes: dict[Any, int]) -> Iterator[list[Task]]:
+    """The tasks in lists of one shape, each no longer than ``sizes`` allows its shape."""
+    for shape, group in itertools.groupby(todo, key=lambda task: task.shape):
+        same = list(group)
+        for begin in range(0, len(same), sizes[shape]):
+            yield same[begin : begin + sizes[shape]]

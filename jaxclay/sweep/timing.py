@@ -1,0 +1,112 @@
+"""Times one task at a time, on one core; compiling never mixes with solving."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxclay.compare.clock import Clock
+from jaxclay.compare.population import RandomScene
+from jaxclay.compare.solves import Way, prepared
+from jaxclay.conversion import as_smooth
+from jaxclay.minimize import Solution
+from jaxclay.problem import Problem
+from jaxclay.scm import rough_shape
+from jaxclay.sweep.tasks import Task
+
+_NONE = np.zeros(0)
+
+
+class Times(NamedTuple):
+    """Columns of times; seconds are of the compiled call alone, medians of ``repeats``.
+
+    In a batch of throughput ``solve_s`` is the call's share of each task, and compiling is in it.
+    """
+
+    solve_s: float = np.nan
+    solve_s_least: float = np.nan
+    solve_s_most: float = np.nan
+    compile_s: float = np.nan
+    repeats: int = 0
+    batch: int = 0
+    trace_iterations: np.ndarray = _NONE
+    trace_s: np.ndarray = _NONE
+    trace_energy: np.ndarray = _NONE
+
+
+def timed_slices(task: Task, problem: Problem) -> tuple[Solution, Times]:
+    """The answer on the paper's scheme, its times, and fresh runs ended after each stop."""
+    clock, settings = _clock(task.repeats), dict(task.settings)
+    clock.warm_up([task.method], task.slices)
+    rough = rough_shape(problem)
+    columns, answer = clock.time(problem, rough, task.method, settings)
+    trace = []
+    for stop in task.stops:
+        limited, ended = clock.time(
+            problem, rough, task.method, settings | {"max_iterations": stop}
+        )
+        trace.append((int(ended.iterations), limited["solve_s"], float(ended.energy)))
+        if int(ended.iterations) < stop:
+            break
+    iterations, seconds, energy = np.array(trace).reshape(-1, 3).T
+    return answer, Times(
+        **columns, batch=1, trace_iterations=iterations, trace_s=seconds, trace_energy=energy
+    )
+
+
+def timed_function(task: Task, clay, squash, material) -> tuple[Solution, Times]:
+    """The same by splines to a tolerance."""
+    smooth = clay if hasattr(clay, "breaks") else as_smooth(clay)
+    scene = RandomScene(0, smooth, squash, material, False, False)
+    ready = prepared(scene, Way("spline", task.method, 5, True, task.tolerance))
+    answer = ready.call()
+    begin = time.perf_counter()
+    ready.solve()
+    first = time.perf_counter() - begin
+    times = np.array([_seconds(ready.solve) for _ in range(task.repeats)])
+    return answer, Times(
+        solve_s=float(np.median(times)), solve_s_least=float(times.min()),
+        solve_s_most=float(times.max()), compile_s=max(first - float(np.median(times)), 0.0),
+        repeats=len(times), batch=1,
+    )  # fmt: skip
+
+
+@functools.cache
+def _clock(repeats: int) -> Clock:
+    """One for a whole process, which so compiles each method once a grid."""
+    return Clock(repeats)
+
+
+def _seconds(call) -> float:
+    begin = time.perf_counter()
+    call()
+    return time.perf_counter() - begin
+
+
+@contextlib.contextmanager
+def pinned() -> Iterator[int]:
+    """Hold this process on one core, where the system can; yields the core, or -1."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield -1
+        return
+    before = os.sched_getaffinity(0)
+    core = max(before)
+    _hold({core})
+    try:
+        yield core
+    finally:
+        _hold(before)
+
+
+def _hold(cores: set[int]) -> None:
+    for thread in Path("/proc/self/task").iterdir():
+        # A thread may have ended since.
+        with contextlib.suppress(OSError):
+            os.sched_setaffinity(int(thread.name), cores)

@@ -1,0 +1,86 @@
+"""``jaxclay agree``: when greedy and gradient count as agreeing, and what is said if not."""
+
+import re
+
+import pandas as pd
+import pytest
+
+pytest.importorskip("pydantic")
+
+from jaxclay.cli import main
+from jaxclay.sweep.agree import agreement
+from jaxclay.sweep.tables import AgreeTable
+
+TEXT = """\
+kind = "throughput"
+slices = 16
+[[scenes]]
+names = ["reference", "fig4c"]
+units = ["snake", "printed"]
+[[methods]]
+name = "greedy-refined"
+settings = {}
+[agree]
+energy = 1e-4
+contour = 1e-4
+"""
+
+
+@pytest.fixture
+def said(tmp_path, capsys):
+    """What the command says, and how it ends."""
+
+    def run(text, *more):
+        path = tmp_path / "small.toml"
+        path.write_text(text)
+        code = main(["agree", str(path), "--out", str(tmp_path / "out"), *more])
+        return code, capsys.readouterr().out
+
+    return run
+
+
+def test_the_packaged_population_agrees(capsys):
+    assert main(["agree", "agreement"]) == 0
+    out = capsys.readouterr().out
+    assert int(re.search(r"(\d+) pairs compared", out)[1]) >= 12
+    assert "all agree" in out
+
+
+def test_only_snake_units_are_compared(said):
+    code, out = said(TEXT)
+    assert code == 0
+    assert out.startswith("2 pairs compared")
+
+
+def test_a_coarse_greedy_disagrees_and_the_command_for_each_reproduces_it(said):
+    coarse = TEXT.replace("settings = {}", "settings = { step = 1e-2, smallest_step = 1e-2 }")
+    code, out = said(coarse)
+    assert code == 1
+    assert "2 disagree" in out
+    keys = re.findall(r"jaxclay agree \S+small.toml --only (\w+)", out)
+    assert len(keys) == 2
+    gaps = re.findall(r"(reference|fig4c) .* energy gap (\S+),", out)
+    code, again = said(coarse, "--only", keys[0])
+    assert code == 1
+    assert re.findall(r"(reference|fig4c) .* energy gap (\S+),", again) == gaps[:1]
+
+
+def test_no_pair_is_no_agreement(said):
+    code, out = said(TEXT.replace("settings = {}", "settings = { max_iterations = 1 }"))
+    assert code == 1
+    assert "2 left out: greedy did not stop by its own rule" in out
+    assert "no pair was compared" in out
+
+
+def test_an_unknown_key_and_no_greedy_are_refused(said, capsys):
+    assert said(TEXT, "--only", "abc")[0] == 2
+    assert said(TEXT.replace('"greedy-refined"', '"newton"'))[0] == 2
+
+
+def test_an_energy_below_the_certified_minimum_disagrees_too():
+    row = {
+        "status": "stalled", "energy_minimum": 1.0, "gap_relative": -1e-3, "contour_error": 0.0
+    }  # fmt: skip
+    found = agreement(pd.DataFrame([row]), AgreeTable())
+    assert len(found.offenders) == 1
+    assert not found.holds

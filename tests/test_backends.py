@@ -1,0 +1,125 @@
+"""Backends: the same answers from every one, and a worker's death costs nothing that is kept."""
+
+import multiprocessing
+import os
+import signal
+
+import jax
+import numpy as np
+import pytest
+
+pytest.importorskip("pydantic")
+pytest.importorskip("distributed")
+
+from jaxclay.compare import load, sweep
+from jaxclay.sweep import backends, engine, estimate
+from jaxclay.sweep.experiment import read_experiment
+
+TEXT = """\
+kind = "throughput"
+slices = 8
+[[scenes]]
+cylinders = { radius = [0.4, 0.5, 0.6] }
+squash = { bottom = 0.0, height = [0.4, 0.5], ratio = [0.8, 0.9] }
+[[methods]]
+name = "greedy"
+"""
+COUNT = 12
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    """Two tasks a batch, compilations kept for all workers."""
+    path = tmp_path_factory.mktemp("experiment") / "small.toml"
+    path.write_text(TEXT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(estimate, "_MOST", 2)
+        before = {name: getattr(jax.config, name) for name in backends._KEPT_SETTINGS}
+        for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
+            jax.config.update(name, value)
+        yield path
+        for name, value in before.items():
+            jax.config.update(name, value)
+
+
+@pytest.fixture(scope="module")
+def serial(experiment, tmp_path_factory):
+    return sweep(experiment, tmp_path_factory.mktemp("serial"))
+
+
+def assert_same(table, other):
+    a, b = (one.sort_values("key", ignore_index=True) for one in (table, other))
+    assert list(a.key) == list(b.key)
+    assert len(a) == COUNT
+    np.testing.assert_allclose(a.energy, b.energy, rtol=1e-12)
+
+
+def killer(victims):
+    """Kills the worker that the first rows come from."""
+
+    def tell(rows):
+        if not victims:
+            victims.append(rows[0]["process"])
+            assert victims[0] != os.getpid()
+            os.kill(victims[0], signal.SIGKILL)
+
+    return tell
+
+
+@pytest.fixture(scope="module")
+def with_dask(serial, experiment, tmp_path_factory):
+    """A run on a local cluster one worker of which is killed."""
+    out, victims = tmp_path_factory.mktemp("dask"), []
+    engine.run(read_experiment(experiment), out, "dask", tell=killer(victims))
+    return load(out), victims
+
+
+def test_a_worker_that_dies_under_dask_is_replaced_and_nothing_is_lost(with_dask, serial):
+    table, (victim,) = with_dask
+    assert_same(table, serial)
+    assert set(table.process) - {victim, os.getpid()}
+
+
+def test_workers_have_one_thread_each_and_the_same_compilations():
+    variables = backends.one_thread()
+    threads = "NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
+    assert {variables[name] for name in threads} == {"1"}
+    assert variables["JAX_COMPILATION_CACHE_DIR"] == jax.config.jax_compilation_cache_dir
+
+
+def test_processes_are_spawned_on_a_core_each_and_agree(serial, experiment, tmp_path):
+    before = dict(os.environ)
+    table = sweep(experiment, tmp_path, backend="processes")
+    assert_same(table, serial)
+    assert os.getpid() not in set(table.process)
+    if hasattr(os, "sched_setaffinity"):
+        assert (table.cores == 1).all()
+    assert dict(os.environ) == before
+
+
+def test_a_process_that_dies_is_said_and_what_ended_is_kept(serial, experiment, tmp_path):
+    with pytest.raises(RuntimeError, match="a worker process died"):
+        engine.run(read_experiment(experiment), tmp_path, "processes", tell=killer([]))
+    assert 0 < len(load(tmp_path)) < COUNT
+    assert_same(sweep(experiment, tmp_path), serial)
+
+
+def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeypatch):
+    monkeypatch.setattr(backends, "_ANSWERS_WITHIN", 1)
+    with pytest.raises(OSError, match="Timed out"):
+        engine.run(read_experiment(experiment), tmp_path, "dask", "tcp://127.0.0.1:1")
+
+
+def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
+                      env=backends.one_thread(), silence_logs=50) as cluster:  # fmt: skip
+        address = cluster.scheduler_address
+        table = sweep(experiment, tmp_path, backend="dask", scheduler=address)
+        assert table.process.nunique() == 1
+    assert_same(table, serial)
+
+
+def test_no_worker_is_left_behind(with_dask):
+    assert [child for child in multiprocessing.active_children() if child.is_alive()] == []
