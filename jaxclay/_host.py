@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import jax
@@ -18,6 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 
 T = TypeVar("T")
+
+_MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have
 
 
 def pytree(cls: type[T]) -> type[T]:
@@ -113,3 +116,13 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
         return fun.traced(*args, **static)
     with jax.enable_x64(True):
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
+
+
+def let_go() -> None:
+    """Let go of all that is compiled where the kernel's limit of mappings comes near.
+
+    JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
+    """
+    maps = Path("/proc/self/maps")
+    if maps.exists() and len(maps.read_text().splitlines()) > _MOST_MAPPINGS:
+        jax.clear_caches()

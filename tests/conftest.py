@@ -1,7 +1,8 @@
 from pathlib import Path
 
-import jax
 import pytest
+
+from jaxclay._host import let_go
 
 _BOTTLES = Path(__file__).resolve().parents[2] / "shared" / "profiles"
 
@@ -17,11 +18,6 @@ def bottles() -> list[Path]:
 
 @pytest.fixture(scope="module", autouse=True)
 def room_for_executables():
-    """Let go of what is compiled before the kernel's limit of mappings a process (65,530).
-
-    JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
-    """
+    """Let go of what is compiled before a process has too many mappings."""
     yield
-    maps = Path("/proc/self/maps")
-    if maps.exists() and len(maps.read_text().splitlines()) > 20_000:
-        jax.clear_caches()
+    let_go()

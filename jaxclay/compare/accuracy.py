@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxclay._host import let_go
 from jaxclay.compare.population import RandomScene, population, solved
 from jaxclay.compare.solves import Limit, Way, prepared, seconds_of
 from jaxclay.contour import contour_error
@@ -97,16 +98,26 @@ def ways(effort: Effort, others: bool) -> list[Way]:
 def run(
     effort: Effort, seed: int = 0, tick: Callable[[str], None] = lambda _: None
 ) -> Iterator[Row]:
-    """Yield rows as they are measured; ``tick`` hears of every solve as it begins."""
+    """Yield rows as they are measured; ``tick`` hears of every solve as it begins.
+
+    Way by way, so that what a way has compiled can be let go.
+    """
+    known: list[tuple[RandomScene, Solution]] = []
+    few = set()
     for index, scene in enumerate(population(effort.scenes, seed)):
         exact = truth(scene, effort.truth)
-        if not float(exact.error_estimate or np.inf) <= _TRUE * effort.truth:
+        if float(exact.error_estimate or np.inf) <= _TRUE * effort.truth:
+            known.append((scene, exact))
+            few |= {scene.number} if index < effort.slow else set()
+        else:
             missing = {"method": "newton", "status": "skipped", "limit": NO_TRUTH}
             yield {"scene": scene.number, **missing}
-            continue
-        for way in ways(effort, index < effort.slow):
-            tick(f"scene {scene.number} {way.scheme} {way.method} {way.size:g}")
-            yield row_of(scene, way, exact, effort.seconds)
+    for way in ways(effort, True):
+        for scene, exact in known:
+            if scene.number in few or way in ways(effort, False):
+                tick(f"scene {scene.number} {way.scheme} {way.method} {way.size:g}")
+                yield row_of(scene, way, exact, effort.seconds)
+        let_go()
 
 
 def truth(scene: RandomScene, tolerance: float) -> Solution:

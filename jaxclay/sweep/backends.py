@@ -14,11 +14,11 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
 from typing import Any
 
 import jax
 
+from jaxclay._host import let_go
 from jaxclay.compare.rows import Row
 from jaxclay.sweep.solving import solve
 from jaxclay.sweep.tasks import Task
@@ -27,7 +27,6 @@ BACKENDS = ("serial", "processes", "dask")
 Batches = Iterable[list[Task]]
 _ANSWERS_WITHIN = 20.0  # seconds, a scheduler
 _AHEAD = 2  # batches that each worker has waiting
-_MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have; each executable takes some
 _KEPT_SETTINGS = (
     "jax_compilation_cache_dir",
     "jax_persistent_cache_min_compile_time_secs",
@@ -144,11 +143,9 @@ def _first_done(running):
 
 
 def solve_in_worker(batch: list[Task]) -> list[Row]:
-    """Solve a batch; let go of what is compiled before the kernel's limit of mappings."""
+    """Solve a batch."""
     found = solve(batch)
-    maps = Path("/proc/self/maps")
-    if maps.exists() and len(maps.read_text().splitlines()) > _MOST_MAPPINGS:
-        jax.clear_caches()
+    let_go()
     return found
 
 
