@@ -130,11 +130,17 @@ class Solution:
     def message(self) -> str:
         """The status, what it means and what to do."""
         text = f"{self.method}: {self.status}: {_MEANING[self.status]}"
+        on_slices = hasattr(self.problem, "slices")
         if self.status is Status.UNRESOLVED and self.error_estimate is not None:
             return (
                 f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
                 f"contour's error is {float(self.error_estimate):.2g}. Ask for a larger tolerance"
-                + (', or use scheme="spline"' if hasattr(self.problem, "slices") else "")
+                + (', or use scheme="spline"' if on_slices else "")
+            )
+        if self.status is Status.UNRESOLVED and not on_slices:
+            return (
+                f"{self.method}: unresolved: the spans are so long that Y_u is negative between "
+                "the points that see the floor, which is no shape: give more elements"
             )
         if self.status is Status.UNRESOLVED:
             most = resolvable_slices(self.problem)

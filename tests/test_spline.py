@@ -17,6 +17,7 @@ from scipy.interpolate import BSpline
 
 import jaxclay
 from jaxclay.schemes.spline import bspline
+from jaxclay.schemes.spline.solve import _rises
 
 CONTINUUM = 2.55342007
 CYLINDER = jaxclay.Clay.cylinder()
@@ -169,3 +170,24 @@ def test_a_function_does_not_go_into_the_papers_scheme_unsliced():
     smooth = CYLINDER.as_function().clay
     with pytest.raises(ValueError, match="sliced"):
         jaxclay.pose(smooth, REFERENCE, PRINTED)
+
+
+def test_a_shape_that_is_none_between_gauss_points_is_not_accepted():
+    breaks = np.array([0.0, 0.5, 0.5, 1.0])
+    control = np.array([[0, 0.1, 0.2, 0.3, 0.4, 0.5], [0.5] * 6, [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]])
+    folded = control.copy()
+    folded[2, 2:4] = [0.0, 1.5]  # Y_u is 1 at both ends, negative within
+    assert _rises(breaks, control)
+    assert not _rises(breaks, folded)
+
+
+def test_a_mesh_too_coarse_to_make_a_shape_does_not_say_converged():
+    snake = jaxclay.Material(mu=0.0984, alpha=3.13e-4, beta=4.04e-7)
+    problem = jaxclay.pose(
+        jaxclay.Clay.cylinder(radius=0.8582), jaxclay.Squash(0.1236, 0.4846, 0.5181), snake,
+        scheme="spline", degree=3, elements=2,
+    )  # fmt: skip
+    solution = jaxclay.minimize(problem)
+    assert solution.status is not jaxclay.Status.CONVERGED
+    with pytest.raises(RuntimeError, match=str(solution.status)):
+        solution.raise_for_status()

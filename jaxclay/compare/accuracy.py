@@ -142,13 +142,15 @@ def row_of(scene: RandomScene, way: Way, exact: Solution, seconds: float) -> Row
         return row | missing | {"solve_s": np.nan, "call_s": np.nan, "limit": str(limit)}
     answer = ready.call()
     unresolved = answer.status is Status.UNRESOLVED and not way.adaptive
+    shapeless = answer.status is Status.NON_FINITE or (unresolved and way.scheme == "spline")
     refused = way.method == "newton" and not answer.certificate.accepted
+    limit = "rounding" if unresolved and not shapeless else "refused" if refused else ""
     return row | {
-        "error": contour_error(answer.clay, exact.clay),
+        "error": np.nan if shapeless else contour_error(answer.clay, exact.clay),
         "unknowns": int(answer.unknowns),
         "iterations": int(answer.iterations),
         "status": str(answer.status),
         "solve_s": seconds_of(ready.solve, seconds),
         "call_s": seconds_of(ready.call, seconds),
-        "limit": "rounding" if unresolved else "refused" if refused else "",
+        "limit": limit,
     }

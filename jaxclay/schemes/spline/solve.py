@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxclay import bernstein
 from jaxclay._host import compiled
 from jaxclay.clay import Array
 from jaxclay.implicit import solve_implicitly
@@ -19,6 +20,7 @@ from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.shape import crossings, displaced, shape
 from jaxclay.solution import Verdict, status_code
 
+_PROBES = 9  # places of a piece at which Y_u is looked at
 _EPS = 1e-6  # friction's smoothing over l where a solve goes on
 
 
@@ -76,14 +78,24 @@ def judged(problem: SplineProblem, outcome: Outcome) -> Verdict:
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
     terms = problem.terms(point)
     certificate = judge.certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
-    finite = outcome.finite & jnp.isfinite(terms.total)
-    code = status_code(outcome.finished, certificate.accepted, finite, feasible, jnp.asarray(False))
-    certificate = dataclasses.replace(
-        certificate, accepted=certificate.accepted & finite & feasible
-    )
     breaks, control = shape(problem, point.coefficients)
+    finite = outcome.finite & jnp.isfinite(terms.total)
+    rises = _rises(breaks, control)
+    accepted = certificate.accepted & finite & feasible & rises
+    code = status_code(outcome.finished, accepted, finite, feasible, ~rises)
+    certificate = dataclasses.replace(certificate, accepted=accepted)
     breaks, control = _kept(problem, breaks, control, feasible)
     return Verdict((breaks, control * problem.clay.unit), point, terms, certificate, code)
+
+
+def _rises(breaks: Array, control: Array) -> Array:
+    """Whether Y_u is positive between the Gauss points too, which alone see the floor."""
+    width = jnp.diff(breaks)
+    filled = width > 0
+    s = jnp.arange(_PROBES) / (_PROBES - 1)
+    unit = jnp.where(filled, width, 1.0)[:, None]
+    slopes = bernstein.in_piece(control[:, None], unit, s, 2)[1]
+    return jnp.all(jnp.where(filled[:, None], slopes > 0, True))
 
 
 def _kept(problem: SplineProblem, breaks: Array, control: Array, feasible: Array):
