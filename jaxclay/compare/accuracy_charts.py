@@ -82,10 +82,19 @@ def _beyond(ax: Axes, paper: pd.DataFrame, x: str, scale: float) -> None:
 
 
 def _others(ax: Axes, points: pd.DataFrame) -> None:
-    """The other methods on the paper's scheme, a thin line each."""
+    """The other methods: on the paper's scheme a thin line each, hollow marks on splines."""
+    unnamed = "the same on splines of degree 5"
     for name, marker in zip((m for m in METHODS if m != "newton"), _MARKERS, strict=False):
+        colour = _ORANGE if name.startswith("greedy") else _GREY
         line = line_of(points, "paper", name)
-        style = {"color": _GREY, "marker": marker, "markersize": 4.5, "linewidth": 0.7}
-        if name.startswith("greedy"):
-            style["color"] = _ORANGE
-        ax.plot(line.solve_s * 1e3, line.error, label=name, **style)
+        ax.plot(
+            line.solve_s * 1e3, line.error,
+            color=colour, marker=marker, markersize=4.5, linewidth=0.7, label=name,
+        )  # fmt: skip
+        splines = line_of(points, "spline", name, degree=5)
+        if len(splines):
+            ax.plot(
+                splines.solve_s * 1e3, splines.error,
+                color=_BLUE, marker=marker, markerfacecolor="none", linestyle="none", label=unnamed,
+            )  # fmt: skip
+            unnamed = ""
