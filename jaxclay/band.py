@@ -15,16 +15,12 @@ import jax
 import jax.numpy as jnp
 
 from jaxclay.clay import Array, Material
+from jaxclay.scalar_search import around_least, follow, narrowed, sign_change
 from jaxclay.side import Side, edge_tension, move_energy, solve_sides
 from jaxclay.squash import Squash
 
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
 _LEAST = 1e-3  # of a slice: least clay below a band above the bottom
-_CUTS = 40
-_EXACT = 1e-15
-_BESIDE = 4  # kinks to either side of the least that are looked at closely
-_SCANNED = 160  # places at once
-_PLACES, _ROUNDS = 9, 7  # the same where E_move is smooth
 
 
 class Rest(NamedTuple):
@@ -224,14 +220,14 @@ def _cheapest(rest, tool, material, place, low, high):
         return energy, _slope(rest, material, place, lower, pair)
 
     if rest.smooth:
-        return _follow(slope, jax.lax.stop_gradient(_narrowed(jax.vmap(both), low, high)))
+        return follow(slope, jax.lax.stop_gradient(narrowed(jax.vmap(both), low, high)))
     kinks = rest.kinks(place(low).upper - low, low, high)
     energies = jax.vmap(energy)
-    around = jax.lax.stop_gradient(_around_least(energies, kinks, low, high))
+    around = jax.lax.stop_gradient(around_least(energies, kinks, low, high))
     # A minimum may lie on a kink or beside it, and the best kink beside another than the least.
-    beside = jax.vmap(lambda left, right: _sign_change(slope, left, right))(around[:-1], around[1:])
+    beside = jax.vmap(lambda left, right: sign_change(slope, left, right))(around[:-1], around[1:])
     found = jnp.sort(jnp.concatenate([beside, around]))
-    return _follow(slope, jax.lax.stop_gradient(found[jnp.argmin(energies(found))]))
+    return follow(slope, jax.lax.stop_gradient(found[jnp.argmin(energies(found))]))
 
 
 def _slope(rest, material, place, lower, pair) -> Array:
@@ -241,83 +237,3 @@ def _slope(rest, material, place, lower, pair) -> Array:
     upper = jnp.clip(place(lower).upper, 0.0, 1.0)
     tension_above = edge_tension(above, material, push_above, rest.slope_at(upper))
     return tension_above - tension_below
-
-
-def _narrowed(energies_and_slopes, low: Array, high: Array) -> Array:
-    """Where a smooth function is least: rounds of equally spaced places.
-
-    The first round goes by the energies, since there may be two minima, the others by
-    the slopes, which locate a minimum more sharply.
-    """
-    last = _PLACES - 1
-
-    def narrow(turn, bounds):
-        low, high = bounds
-        places = low + (high - low) * jnp.arange(_PLACES) / last
-        energies, slopes = energies_and_slopes(places)
-        best = jnp.argmin(energies)
-        rising = jnp.sum(jnp.cumprod(slopes < 0))  # of the first place where energy rises
-        first = jnp.where(turn == 0, jnp.maximum(best - 1, 0), jnp.maximum(rising - 1, 0))
-        after = jnp.where(turn == 0, jnp.minimum(best + 1, last), jnp.minimum(rising, last))
-        return places[first], places[after]
-
-    low, high = jax.lax.fori_loop(0, _ROUNDS, narrow, (low, high))
-    return (low + high) / 2
-
-
-def _around_least(energies, places: Array, low: Array, high: Array) -> Array:
-    """The place of least energy between low and high, and some before and after it.
-
-    Many places are scanned in rounds, each between the neighbours of the last
-    round's best: neighbouring kinks differ little where there are many.
-    """
-    first = jnp.searchsorted(places, low, side="left")
-    last = jnp.searchsorted(places, high, side="right") - 1
-    best, most = first, places.shape[0]
-    while most > 1:
-        steps = min(_SCANNED, most) - 1
-        index = first + jnp.arange(steps + 1) * (last - first) // steps
-        best = index[jnp.argmin(energies(places[index]))]
-        apart = -(-(last - first) // steps)
-        first, last = jnp.maximum(first, best - apart), jnp.minimum(last, best + apart)
-        most = 2 * -(-most // steps) if most > _SCANNED else 1
-    before = jnp.searchsorted(places, places[best], side="left") - jnp.arange(_BESIDE, 0, -1)
-    after = jnp.searchsorted(places, places[best], side="right") + jnp.arange(_BESIDE)
-    at = jnp.concatenate([before, best[None], after])
-    return jnp.clip(places[jnp.clip(at, 0, places.shape[0] - 1)], low, high)
-
-
-def _sign_change(slope, left: Array, right: Array) -> Array:
-    """Where a rising function passes 0: false position, whose stale end is halved (Illinois)."""
-
-    def go_on(state):
-        *_, change, cuts = state
-        return (jnp.abs(change) > _EXACT) & (cuts < _CUTS)
-
-    def cut(state):
-        left, right, low, high, last, _, cuts = state
-        share = jnp.where(high > low, low / jnp.where(high > low, low - high, -1.0), 0.5)
-        middle = left + jnp.where((share > 0) & (share < 1), share, 0.5) * (right - left)
-        value = slope(middle)
-        falls = value < 0
-        return (
-            jnp.where(falls, middle, left),
-            jnp.where(falls, right, middle),
-            jnp.where(falls, value, low / 2),
-            jnp.where(falls, high / 2, value),
-            middle,
-            jnp.where(value == 0, 0.0, middle - last),
-            cuts + 1,
-        )
-
-    state = left, right, slope(left), slope(right), left, jnp.full_like(left, jnp.inf), 0
-    return jax.lax.while_loop(go_on, cut, state)[4]
-
-
-def _follow(slope, root: Array) -> Array:
-    """The root with its derivative, from the implicit function theorem; at a kink it stays."""
-    value, rate = jax.jvp(slope, (root,), (jnp.ones_like(root),))
-    rises = jax.lax.stop_gradient(rate) > 0
-    steepness = jnp.where(rises, jax.lax.stop_gradient(rate), 1.0)
-    change = (value - jax.lax.stop_gradient(value)) / steepness
-    return root - jnp.where(rises, change, 0.0)

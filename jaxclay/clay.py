@@ -28,7 +28,7 @@ Array = Any  # NumPy on the host, JAX inside transformations
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class Clay:
-    """A rotationally symmetric piece of clay, n slices of equal volume.
+    """A rotationally symmetric piece of clay, n slices of equal volume (eqs. 2, 20, 22).
 
     Build it with :meth:`cylinder` or :meth:`from_profile`, or read it with
     :func:`jaxclay.load_profile`.
@@ -84,7 +84,13 @@ class Clay:
 
     @classmethod
     def cylinder(cls, radius: float = 0.5, height: float = 1.0, slices: int = 64) -> Clay:
-        """A cylinder of the given radius and height (same length unit)."""
+        """A cylinder of the given radius and height, in one length unit, of ``slices`` slices.
+
+        Raises
+        ------
+        ValueError
+            A radius or a height that is not positive, fewer than 3 slices.
+        """
         check_positive("radius", radius)
         check_positive("height", height)
         check_slices(slices)
@@ -146,7 +152,7 @@ class Clay:
 
     @property
     def volume(self) -> Array:
-        """Volume of the stack of slices, length^3; pi r0^2, which nothing changes."""
+        """Volume of the stack of slices, length^3; pi r0^2, which nothing changes (eq. 2)."""
         return np.pi * self.r0**2
 
     @property
@@ -170,7 +176,10 @@ class Clay:
         return _line(within("height", height, 0.0, self.height), middles, self.radii)
 
     def as_function(self, tolerance: float = 1e-6) -> Converted:
-        """A :class:`jaxclay.SmoothClay` through all heights, and how far its contour is off."""
+        """A :class:`jaxclay.SmoothClay` through all heights, and how far its contour is off.
+
+        See :func:`jaxclay.conversion.as_function`.
+        """
         from jaxclay.conversion import as_function
 
         return as_function(self, tolerance)

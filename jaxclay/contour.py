@@ -40,13 +40,24 @@ def polyline(clay: Clay | SmoothClay, chord: float = _CHORD) -> np.ndarray:
 
 
 def contour_error(clay: Clay | SmoothClay, target: Clay | SmoothClay) -> float:
-    """Symmetric largest distance between two contours (Hausdorff), over the target's l."""
+    """Symmetric largest distance between two contours of eq. 1 (Hausdorff), over the target's l.
+
+    Not a number where either has no contour: an answer that failed may have slices of no or of
+    negative thickness.
+    """
+    if not (_rises(clay) and _rises(target)):
+        return float("nan")
     a, b = polyline(clay), polyline(target)
     return max(farthest(a, b), farthest(b, a)) / float(target.unit)
 
 
 def area_error(clay: Clay | SmoothClay, target: Clay | SmoothClay) -> float:
-    """Area between the half-contours over the target's half-contour area."""
+    """Area between the half-contours over the target's half-contour area.
+
+    Not a number where either has no contour, as in :func:`contour_error`.
+    """
+    if not (_rises(clay) and _rises(target)):
+        return float("nan")
     a, b = polyline(clay)[1:-1], polyline(target)[1:-1]
     heights = np.union1d(a[:, 1], b[:, 1])
     fine = np.union1d(heights, (heights[1:] + heights[:-1]) / 2)
@@ -54,6 +65,21 @@ def area_error(clay: Clay | SmoothClay, target: Clay | SmoothClay) -> float:
     radius_b = np.interp(fine, b[:, 1], b[:, 0], right=0.0)
     between = np.trapezoid(np.abs(radius_a - radius_b), fine)
     return float(between / np.trapezoid(b[:, 0], b[:, 1]))
+
+
+def _rises(clay: Clay | SmoothClay) -> bool:
+    """Whether heights rise from bottom to top, for a function at all probes."""
+    if not isinstance(clay, SmoothClay):
+        return bool((np.asarray(clay.thickness) > 0).all())
+    width = np.diff(clay.breaks)
+    filled = width > 0
+    slope = in_piece(clay.control[filled][:, None], width[filled][:, None], _probes())[1]
+    return bool((np.asarray(slope) > 0).all())
+
+
+def _probes() -> np.ndarray:
+    """Places in a piece, from 0 to 1, closer at its ends, where tips are sharpest."""
+    return (1 - np.cos(np.linspace(0, np.pi, _PROBES))) / 2
 
 
 def contour_derivatives(clay: SmoothClay, control, width, s) -> tuple[np.ndarray, ...]:
@@ -89,7 +115,7 @@ def _curve(clay: SmoothClay, chord: float) -> np.ndarray:
 
 def _places(clay: SmoothClay, control, width, chord: float) -> tuple[np.ndarray, np.ndarray]:
     """Piece and s in it of each point: a chord over ds is |normal part of P_ss| ds^2 / 8 away."""
-    probes = (1 - np.cos(np.linspace(0, np.pi, _PROBES))) / 2  # tips are sharpest at ends
+    probes = _probes()
     _, P_u, P_uu = contour_derivatives(clay, control[:, None], width[:, None], probes)
     normal = np.abs(P_u[0] * P_uu[1] - P_u[1] * P_uu[0]) / np.hypot(*P_u)
     density = width[:, None] * np.sqrt(normal / (8 * chord))

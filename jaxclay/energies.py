@@ -16,7 +16,7 @@ from jaxclay.methods.base import AnyProblem
 
 
 def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
-    """The four terms of E_total (eq. 9), scalars without a unit.
+    """The four terms of E_total (eqs. 4, 5, 8, 9), scalars without a unit.
 
     Parameters
     ----------
@@ -43,6 +43,7 @@ def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
 def total_energy(problem: AnyProblem, unknowns: Array) -> Array:
     """E_total (eq. 9) as a function of the heights Y_i, or of a spline's coefficients.
 
+    A scalar without a unit; arguments and errors are those of :func:`energy_terms`.
     Called from the host it computes in float64; inside a transformation it
     follows the dtype of its arguments and can be compiled and differentiated.
     """
@@ -50,22 +51,22 @@ def total_energy(problem: AnyProblem, unknowns: Array) -> Array:
 
 
 def strain_energy(problem: AnyProblem, unknowns: Array) -> Array:
-    """h sum k/2 (Y_u / Y0_u - 1)^2 (eq. 4)."""
+    """h sum k/2 (Y_u / Y0_u - 1)^2 (eq. 4), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).strain
 
 
 def friction_energy(problem: AnyProblem, unknowns: Array) -> Array:
-    """h sum mu |Y_i - Y0_i| (eq. 5)."""
+    """h sum mu |Y_i - Y0_i| (eq. 5), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).friction
 
 
 def tension_energy(problem: AnyProblem, unknowns: Array) -> Array:
-    """h sum alpha (X_u^2 + Y_u^2) (eq. 8)."""
+    """h sum alpha (X_u^2 + Y_u^2) (eq. 8), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).tension
 
 
 def bending_energy(problem: AnyProblem, unknowns: Array) -> Array:
-    """h sum beta (X_uu^2 + Y_uu^2) (eq. 8)."""
+    """h sum beta (X_uu^2 + Y_uu^2) (eq. 8), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).bending
 
 

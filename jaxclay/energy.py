@@ -35,7 +35,17 @@ class Samples(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """The four terms of E_total (eq. 9)."""
+    """The four terms of E_total (eq. 9), scalars without a unit.
+
+    Attributes
+    ----------
+    strain : scalar
+        Of eq. 4.
+    friction : scalar
+        Of eq. 5.
+    tension, bending : scalars
+        Those of alpha and of beta in eq. 8.
+    """
 
     strain: Array
     friction: Array

@@ -44,7 +44,7 @@ def deform(
     elements: int | None = None,
     **settings: Any,
 ) -> Solution:
-    """Squash the clay: pose, rough shape, minimum of E_total.
+    """Squash the clay: pose (eqs. 10, 11), rough shape (12 to 19), minimum of E_total (9).
 
     Parameters
     ----------
@@ -64,6 +64,11 @@ def deform(
         Of the splines, see :func:`pose`; a tolerance chooses the elements by itself.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
+
+    Returns
+    -------
+    Solution
+        Its ``status`` says how it ended; ``clay`` is ready for the next squash.
 
     Raises
     ------
@@ -115,7 +120,7 @@ def minimize(
     window: str | tuple[float, float] | None = None,
     **settings: Any,
 ) -> Solution:
-    """Minimise E_total over the free heights, or a spline's free coefficients.
+    """Minimise E_total (eq. 9) over the free heights, or a spline's free coefficients.
 
     Inside ``grad`` and its kin the derivative is the minimum's, from the implicit
     function theorem, not the iterations'.
@@ -139,6 +144,11 @@ def minimize(
         as a whole.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
+
+    Returns
+    -------
+    Solution
+        Its ``status`` says how it ended, its certificate why.
 
     Raises
     ------

@@ -61,6 +61,11 @@ def pose(
     elements : int
         How many equal spans the clay on each side of the band gets.
 
+    Returns
+    -------
+    Problem or SplineProblem
+        By scheme; what :func:`jaxclay.minimize` takes.
+
     Raises
     ------
     ValueError

@@ -22,7 +22,7 @@ from jaxclay.schemes.paper import Point
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class Problem:
-    """A squash posed on a clay; lengths inside are over the unit l.
+    """A squash posed on a clay (eqs. 9, 20 to 22); lengths inside are over the unit l.
 
     Attributes
     ----------

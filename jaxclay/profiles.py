@@ -65,6 +65,7 @@ PROFILES: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
     "amphora": _amphora,
     "bowl": _bowl,
 }
+"""Heights and radii (m,) of the packaged profiles, of their own length units, by name."""
 
 
 @overload
@@ -192,6 +193,11 @@ def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
     Of a function, rows of height and radius that lie on the contour and so close
     that the line through them is within 1e-6 l of it; comments hold the function
     itself.  The file appears whole or not at all.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
     """
     comments = [f"# unit = {float(clay.unit)!r}", f"# r0 = {float(clay.r0)!r}"]
     if isinstance(clay, SmoothClay):

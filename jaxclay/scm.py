@@ -25,7 +25,7 @@ _CASES = ("none", "I", "II", "III")
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class RoughShape:
-    """The rough shape and what the closed form says of it.
+    """The rough shape and what the closed form says of it (eqs. 10 to 19).
 
     Attributes
     ----------
@@ -40,9 +40,9 @@ class RoughShape:
         u1, the material coordinate beyond which the clay above the band rests
         (eq. 14); 1 where all of it moves.
     reach_below : float
-        The same below the band: clay at u < reach_below rests.
+        The same below the band, mirrored: clay at u < reach_below rests.
     sigma, sigma_below : float
-        The push at the band's edges.
+        The push at the band's edges, no unit: beside an edge Y_u = (1 -+ sigma Y0_u) Y0_u.
     band : (2,) array
         The material [ua, ub] under the tool.
     bottom, top : float, length
@@ -90,7 +90,7 @@ class RoughShape:
 
 
 def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> RoughShape:
-    """The rough shape of a posed squash.
+    """The rough shape of a posed squash: E_move's minimum (eqs. 6, 12 to 19).
 
     Parameters
     ----------
@@ -100,6 +100,11 @@ def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> Rou
         False: the continuum's minimiser at the nodes, as the paper has it, O(h)
         off the minimum of the sums.  True: the exact minimiser of the discrete
         E_move (eq. 6 by the sums of eq. 21) above the floor, on the paper's scheme only.
+
+    Returns
+    -------
+    RoughShape
+        Heights in the clay's length unit, case and reach.
 
     Raises
     ------

@@ -28,7 +28,7 @@ _CONTINUOUS = 1e-9  # of the height
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class SmoothClay:
-    """A rotationally symmetric piece of clay by its heights Y(u), u in [0, 1].
+    """A rotationally symmetric piece of clay by its heights Y(u), u in [0, 1] (eqs. 1 to 3).
 
     Equal steps of u hold equal volumes.  Clay in slices becomes one of these by
     :meth:`jaxclay.Clay.as_function`.
@@ -103,11 +103,14 @@ class SmoothClay:
         return solve(self.breaks, self.control, within("height", height, 0.0, self.height))
 
     def radius_at(self, height: Array) -> Array:
-        """The contour's radius X = r0 Y_u^-1/2, length, at heights in [0, Y(1)]."""
+        """The contour's radius X = r0 Y_u^-1/2 (eq. 3), length, at heights in [0, Y(1)]."""
         return self.r0 / self.derivatives(self.material_at(height))[1] ** 0.5
 
     def sliced(self, slices: int) -> Converted:
-        """Clay of ``slices`` equal volumes with Y_i = Y(i/n), and how far its contour is off."""
+        """Clay of ``slices`` equal volumes with Y_i = Y(i/n), and how far its contour is off.
+
+        See :func:`jaxclay.conversion.sliced`.
+        """
         from jaxclay.conversion import sliced
 
         return sliced(self, slices)

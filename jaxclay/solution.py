@@ -17,7 +17,23 @@ from jaxclay.scm import RoughShape
 
 
 class Status(enum.IntEnum):
-    """How a solve ended."""
+    """How a solve ended.
+
+    Attributes
+    ----------
+    CONVERGED
+        The certificate accepts the answer as a local minimum.
+    STALLED
+        The method found nothing better, and the certificate does not accept it.
+    ITERATION_LIMIT
+        It was ended by ``max_iterations``.
+    NON_FINITE
+        It left the finite numbers.
+    INFEASIBLE
+        A held end leaves less room than the thickness floor needs.
+    UNRESOLVED
+        float64 cannot resolve bending on this grid, or the mesh not the shape.
+    """
 
     CONVERGED = 0
     STALLED = 1

@@ -24,7 +24,7 @@ os.environ.setdefault("NPROC", "1")  # threads of XLA's pool: problems are small
 
 import jax
 import numpy as np
-from newton_timing import Bound, table
+from bounds import Bound, table, verdict
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
@@ -79,11 +79,7 @@ def main() -> int:
         bounds += bounds_of(name, single, alone, together)
     console.print(found)
     console.print(f"stragglers: {stragglers(arguments.scenes)}", highlight=False, soft_wrap=True)
-    limits = table("Bounds", "what", "measured", "bound", "met")
-    for bound in bounds:
-        limits.add_row(bound.what, bound.measured, bound.wanted, "yes" if bound.met else "no")
-    console.print(limits)
-    return 0 if all(bound.met for bound in bounds) else 1
+    return verdict(console, bounds)
 
 
 def bounds_of(name: str, single: float, alone: float, together: float) -> list[Bound]:

@@ -3,18 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from newton_timing import (
-    SAME,
-    Bound,
-    Effort,
-    Part,
-    alternate,
-    coarse_to_fine,
-    direct,
-    posed,
-    spread,
-    table,
-)
+from bounds import Bound, Part, table
+from newton_timing import SAME, Effort, alternate, coarse_to_fine, direct, posed, spread
 from scipy.linalg import solveh_banded
 
 import jaxclay

@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 import jaxclay
 from jaxclay._host import Compiled, as_float64, compiled
@@ -25,23 +23,6 @@ _BURST = 5e-3  # seconds
 SAME = 1e-7  # of E_free: energies nearer than that are of the same minimum
 
 
-class Bound(NamedTuple):
-    """A figure and what it must not miss."""
-
-    what: str
-    wanted: str
-    measured: str
-    met: bool
-
-
-class Part(NamedTuple):
-    """What a part of the benchmark found out."""
-
-    table: Table
-    bounds: list[Bound]
-    notes: list[str]
-
-
 class Effort(NamedTuple):
     """How thoroughly to measure."""
 
@@ -50,15 +31,6 @@ class Effort(NamedTuple):
     seconds: float  # of timed repeats that a scene gets
     population: int  # random scenes
     processes: int  # fresh ones
-
-
-def table(title: str, *columns: str) -> Table:
-    """Empty; the first column is text, the others are figures."""
-    style = {"box": None, "title_justify": "left", "min_width": len(title) + 2}
-    made = Table(*columns[:1], title=escape(title), **style)
-    for name in columns[1:]:
-        made.add_column(name, justify="right")
-    return made
 
 
 def spread(values, form: str = "{:.3g}", scale: float = 1.0) -> str:

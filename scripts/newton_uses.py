@@ -13,7 +13,8 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from newton_timing import SAME, Bound, Effort, Part, alternate, spread, table
+from bounds import Bound, Part, table
+from newton_timing import SAME, Effort, alternate, spread
 
 import jaxclay
 from jaxclay.problem import Problem

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from newton_timing import Bound, Part, table
+from bounds import Bound, Part, table
 from spline_scenes import Effort, Known, at_least, at_most, known, percentiles
 
 import jaxclay
@@ -68,7 +68,7 @@ def _orders(one: Known, degree: int, elements: tuple[int, ...]) -> tuple[float, 
     least = _SEEN * np.array([_ROUNDING, float(exact.error_estimate or 0)])
     found = []
     for kind, floor in zip(np.reshape(errors, (-1, 2)).T, least, strict=True):
-        seen = kind[1:] > floor
+        seen = (kind[1:] > floor) & np.isfinite(kind[:-1])  # a shape that fell has no contour
         falls = np.log2(kind[:-1] / kind[1:])[seen]
         found.append(float(np.median(falls)) if len(falls) else np.nan)
     return found[0], found[1]

@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from newton_timing import Bound, Part, table
+from bounds import Bound, Part, table
 from spline_scenes import Effort
 
 from jaxclay._host import Compiled

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from newton_timing import Bound
+from bounds import Bound
 
 from jaxclay.compare.accuracy import truth
 from jaxclay.compare.population import RandomScene, population

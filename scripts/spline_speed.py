@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import pandas as pd
-from newton_timing import Part, table
+from bounds import Part, table
 from spline_scenes import ADAPTIVE, FIXED, Effort, at_least, at_most, known, percentiles
 
 from jaxclay.compare.accuracy import row_of

@@ -1,6 +1,7 @@
 """The reference: every public name says what it is, and the pages build without a warning."""
 
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,17 @@ NAMES = {
     if not name.startswith("_") and (inspect.isclass(value) or inspect.isfunction(value))
     if value.__module__.startswith("jaxclay")
 }
+
+# What is the paper's says which equation it is; the rest is ours.
+OURS = {
+    "Certificate", "Status", "area_error", "load", "load_curves", "load_profile", "save_profile",
+    "save_svg", "sweep",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name.split(".")[-1] not in OURS])
+def test_what_is_the_papers_names_its_equation(name):
+    assert re.search(r"\beqs?\. \d", inspect.getdoc(NAMES[name]) or "")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -112,9 +112,10 @@ def run(
         else:
             missing = {"method": "newton", "status": "skipped", "limit": NO_TRUTH}
             yield {"scene": scene.number, **missing}
+    by_newton = ways(effort, False)
     for way in ways(effort, True):
         for scene, exact in known:
-            if scene.number in few or way in ways(effort, False):
+            if scene.number in few or way in by_newton:
                 tick(f"scene {scene.number} {way.scheme} {way.method} {way.size:g}")
                 yield row_of(scene, way, exact, effort.seconds)
         let_go()

@@ -27,3 +27,4 @@ METHODS: dict[str, Method] = {
     "greedy-refined": greedy.REFINED,
     "lattice": lattice.METHOD,
 }
+"""Every method by name: what :func:`jaxclay.minimize` takes as ``method``."""

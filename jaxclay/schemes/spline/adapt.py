@@ -21,7 +21,7 @@ from jaxclay.loop import Outcome, Start, cold, run
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.estimate import estimate, near
 from jaxclay.schemes.spline.first_mesh import first_mesh
-from jaxclay.schemes.spline.pose import OnMesh, Squashed, joined, located, meshed, on_knots
+from jaxclay.schemes.spline.pose import OnMesh, Squashed, joined, located, meshed, on_mesh
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.shape import crossings, displaced, displaced_on, projected
 from jaxclay.schemes.spline.solve import judged
@@ -29,15 +29,14 @@ from jaxclay.smooth_clay import SmoothClay
 from jaxclay.solution import Verdict
 
 LEVELS = 10
-_ROOM = 0.5  # error of a span over the tolerance that is left alone
-_SHARE = 0.3  # and over the worst span's
-_FAR = 40.0  # the same from which a span is cut in four
+_ROOM, _SHARE = 0.5, 0.3  # a span is cut above so much of the tolerance, or of the worst error
+_FAR = 40.0  # over the tolerance: from there on it is cut in four
 _LOOSE = 0.1  # energy left, relative to E_free, over the tolerance squared
 _SMOOTH = 1e-2  # friction's smoothing over the tolerance, before the last level
 _MISPLACED = 0.5  # strain by friction of the wrong sign, over the tolerance, that is let be
 _PATIENCE = 60  # iterations on a mesh before the last
 _TRIALS = 2  # meshes that may go unsolved
-_EPS = 1e-6  # the same at the start of a level, over l
+_EPS = 1e-6  # friction's smoothing at the start of a level, over l
 
 
 class Adapted(NamedTuple):
@@ -120,16 +119,16 @@ def _levels(squashed, tolerance, settings, degree, sides, spans, kinks) -> _Leve
     feasible = squashed.rough.feasible
 
     def level(now: _Level) -> _Level:
-        on_mesh, start = jax.lax.cond(
+        found, start = jax.lax.cond(
             now.polishes,
             lambda: (now.mesh, Start(*now.outcome[:2], jnp.asarray(True))),
             lambda: _begun(squashed, now, degree, sides),
         )
-        problem = joined(squashed, on_mesh)
+        problem = joined(squashed, found)
         chosen = jax.tree.map(lambda a, b: jnp.where(now.polishes, a, b), settings, loose)
         outcome = run(problem, start, chosen, feasible, "newton")
         now = now._replace(
-            mesh=on_mesh,
+            mesh=found,
             outcome=outcome,
             levels=now.levels.at[now.number].add(outcome.iterations),
         )
@@ -151,21 +150,22 @@ def _levels(squashed, tolerance, settings, degree, sides, spans, kinks) -> _Leve
 def _first(squashed: Squashed, inner: Array, degree: int, sides: int) -> _Level:
     """Before the first level: no mesh and no displacement."""
 
-    def meshless():
-        problem = meshed(squashed, inner, None, degree, sides)
-        state = cold(problem, problem.point(problem.even()))
-        return OnMesh(problem.space, problem.fixed, problem.shift, problem.slopes), state
+    def begun():
+        knots = mesh.knots(inner, squashed.band, degree, sides)
+        found = on_mesh(squashed, knots, None, degree)
+        problem = joined(squashed, found)
+        return found, cold(problem, problem.point(problem.even()))
 
-    shapes = jax.eval_shape(meshless)
-    on_mesh, state = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+    shapes = jax.eval_shape(begun)
+    empty, state = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
     none, no = jnp.asarray(0), jnp.asarray(False)
     outcome = Outcome(state.point, state.forces, none, no, jnp.asarray(True))
-    spans = 2 * on_mesh.space.spans
+    spans = 2 * empty.space.spans
     v = jnp.linspace(0.0, 1.0, spans + 1) * mesh.free_length(squashed.band)
     function = v, jnp.zeros((spans, bernstein.DEGREE + 1))
     levels = jnp.zeros(LEVELS, int)
     error = jnp.asarray(jnp.inf)
-    return _Level(inner, on_mesh, outcome, function, none, no, levels, error, no, no, no)
+    return _Level(inner, empty, outcome, function, none, no, levels, error, no, no, no)
 
 
 def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
@@ -176,7 +176,8 @@ def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
     knots = mesh.knots(now.inner, squashed.band, degree, sides)
     carried = projected(knots, degree, *now.function)
     breaks = crossings(displaced_on(knots, bspline.extraction(knots, degree), carried)[1])
-    problem = on_knots(squashed, knots, breaks, degree)
+    found = on_mesh(squashed, knots, breaks, degree)
+    problem = joined(squashed, found)
     point = problem.point(jnp.where(problem.fixed, problem.shift, carried))
     above = jnp.all(jnp.where(problem.loose, problem.slack(point) > 0, True))
     usable = above & ((now.number > 0) | now.again)
@@ -184,7 +185,7 @@ def _begun(squashed: Squashed, now: _Level, degree: int, sides: int):
     start = near(problem, point, jnp.asarray(_EPS))
     anew = cold(problem, point)
     start = jax.tree.map(lambda a, b: jnp.where(usable, a, b), start, anew)
-    return OnMesh(problem.space, problem.fixed, problem.shift, problem.slopes), start
+    return found, start
 
 
 def _longer(v: Array, control: Array) -> tuple[Array, Array]:

@@ -125,7 +125,8 @@ def _kinked(squashed: Squashed) -> Array:
 def _features(squashed: Squashed, tolerance: Array) -> mesh.Features:
     """The layers at the band's edges, at the ends of the reach, and at a free top that sags.
 
-    A layer's function A exp(-x / d) takes spans of c d (tolerance / A)^(1/5) exp(x / (5 d)).
+    The error of a layer's function A exp(-x / d) is even over spans of
+    c d (tolerance / A)^(1/5) exp(x / (5 d)); they grow by e over ``_FADE`` d, somewhat slower.
     """
     rest, tool, material, band = squashed.rest, squashed.tool, squashed.material, squashed.band
     rough = squashed.rough

@@ -121,7 +121,7 @@ def meshed(
 
 def on_knots(squashed: Squashed, knots: Array, breaks: Array | None, degree: int) -> SplineProblem:
     """The problem on all knots."""
-    return joined(squashed, _on_mesh(squashed, knots, breaks, degree))
+    return joined(squashed, on_mesh(squashed, knots, breaks, degree))
 
 
 def joined(squashed: Squashed, mesh: OnMesh) -> SplineProblem:
@@ -130,7 +130,8 @@ def joined(squashed: Squashed, mesh: OnMesh) -> SplineProblem:
     return SplineProblem(clay, rest, tool, material, band, *mesh, terms, rough)
 
 
-def _on_mesh(squashed: Squashed, knots: Array, breaks: Array | None, degree: int) -> OnMesh:
+def on_mesh(squashed: Squashed, knots: Array, breaks: Array | None, degree: int) -> OnMesh:
+    """What all knots add; friction's cells meet at ``breaks``, as in :func:`meshed`."""
     rest, tool, material, band = squashed.rest, squashed.tool, squashed.material, squashed.band
     count = jnp.where(material.beta > 0, 3, jnp.where(material.alpha > 0, 2, 1))
     density = (rest.r0 / tool.radius) ** 2

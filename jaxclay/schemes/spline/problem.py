@@ -32,7 +32,7 @@ class Rest(NamedTuple):
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class SplineProblem:
-    """A squash posed on a clay that is a function; lengths inside are over the unit l.
+    """A squash posed on a clay that is a function (eq. 9); lengths inside are over the unit l.
 
     Attributes
     ----------
