@@ -22,6 +22,7 @@ def judged(answer: Solution, reference: Solution | None) -> Row:
     minimum = float("nan") if reference is None else float(reference.energy)
     scale = float((reference or answer).certificate.energy_free)
     gap = float(answer.energy) - minimum
+    relative = gap / scale if scale > 0 else 0.0 if gap == 0 else float("nan")
     return {
         "status": str(answer.status),
         "reason": answer.message,
@@ -32,7 +33,7 @@ def judged(answer: Solution, reference: Solution | None) -> Row:
         "energy_minimum": minimum,
         "energy_free": scale,
         "gap": gap,
-        "gap_relative": gap / scale if scale > 0 else float("nan"),
+        "gap_relative": relative,  # where nothing is free, E_free is 0
         "contour_error": distance(answer.clay, None if reference is None else reference.clay),
         "iterations": int(answer.iterations),
         "unknowns": int(answer.unknowns),

@@ -129,6 +129,7 @@ def distribution(error: str) -> Draw:
             look = series_style(str(series)) | {"marker": None, "linewidth": 1.8}
             ax.step(values, shares, where="post", **look)
         ax.set(xscale="log", ylim=(-0.02, 1.04), xlabel=ERRORS[error], ylabel="share of tasks")
+        ax.xaxis.set_major_locator(LogLocator(numticks=7))
 
     return draw
 
