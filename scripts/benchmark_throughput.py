@@ -27,21 +27,18 @@ import numpy as np
 from bounds import Bound, table, verdict
 from rich.console import Console
 from threadpoolctl import threadpool_limits
+from throughput_scenes import WAYS, scenes
 
 import jaxclay
 from jaxclay._host import Compiled
 from jaxclay.cli import keep_compilations
-from jaxclay.compare.population import population
 from jaxclay.compare.solves import on_device
-from jaxclay.conversion import cut
 from jaxclay.sweep.backends import cores, one_thread
 from jaxclay.sweep.batched import CAPACITY, stack
 from jaxclay.sweep.timing import pinned
 
-_SLICES = 64
 _SINGLE = 400  # calls that are timed one after the other
 _TIMES_SINGLE, _SECOND_CORE = 3.0, 1.7  # the bounds
-_TOLERANCE = 1e-4
 _RUNS = 5
 
 
@@ -50,13 +47,6 @@ class Seconds(NamedTuple):
 
     processor: float
     clock: float
-
-
-class Way(NamedTuple):
-    """One scene solved: as users call it, and as part of a compiled call, if it can be."""
-
-    single: Callable[..., Any]
-    one: Callable[[Any], Any] | None
 
 
 def main() -> int:
@@ -199,53 +189,6 @@ def stragglers(count: int) -> str:
         f"number ({np.mean(iterations) / np.median(iterations):.2f} is what the mean takes; in "
         f"lockstep it would be {iterations.max() / np.median(iterations):.2f})"
     )
-
-
-def scenes(name: str, count: int, seed: int = 0) -> list[tuple]:
-    """The arguments of a way, for so many scenes that can be posed."""
-    found = []
-    for scene in population(2 * count, seed, worked=False):
-        whole = scene.clay, scene.squash, scene.material
-        if not name.startswith("spline"):
-            whole = cut(scene.clay, _SLICES), scene.squash, scene.material
-            try:
-                problem = jaxclay.pose(*whole)
-            except ValueError:  # a band too small for so few slices
-                continue
-            whole = (problem,) if name == "solve" else whole
-        found.append(whole)
-        if len(found) == count:
-            return found
-    raise ValueError(f"fewer than {count} scenes can be posed")
-
-
-def _solve(scene):
-    answer = jaxclay.minimize(*scene)
-    return answer.heights, answer.status_code
-
-
-def _deform(scene):
-    answer = jaxclay.deform(*scene)
-    return answer.heights, answer.status_code
-
-
-def _on_spans(clay, squash, material):
-    return jaxclay.minimize(jaxclay.pose(clay, squash, material, scheme="spline"))
-
-
-def _spline(scene):
-    answer = _on_spans(*scene)
-    return answer.heights, answer.status_code
-
-
-WAYS = {
-    "solve": Way(jaxclay.minimize, _solve),
-    "deform": Way(jaxclay.deform, _deform),
-    "spline": Way(_on_spans, _spline),
-    f"spline to {_TOLERANCE:g}": Way(
-        lambda *scene: jaxclay.deform(*scene, tolerance=_TOLERANCE), None
-    ),
-}
 
 
 def parsed() -> argparse.Namespace:

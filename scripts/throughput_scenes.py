@@ -1,0 +1,67 @@
+"""What the throughput benchmark solves, and in which ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jaxclay
+from jaxclay.compare.population import population
+from jaxclay.conversion import cut
+
+_SLICES = 64
+_TOLERANCE = 1e-4
+
+
+class Way(NamedTuple):
+    """One scene solved: as users call it, and as part of a compiled call, if it can be."""
+
+    single: Callable[..., Any]
+    one: Callable[[Any], Any] | None
+
+
+def scenes(name: str, count: int, seed: int = 0) -> list[tuple]:
+    """The arguments of a way, for so many scenes that can be posed."""
+    found = []
+    for scene in population(2 * count, seed, worked=False):
+        whole = scene.clay, scene.squash, scene.material
+        if not name.startswith("spline"):
+            whole = cut(scene.clay, _SLICES), scene.squash, scene.material
+            try:
+                problem = jaxclay.pose(*whole)
+            except ValueError:  # a band too small for so few slices
+                continue
+            whole = (problem,) if name == "solve" else whole
+        found.append(whole)
+        if len(found) == count:
+            return found
+    raise ValueError(f"fewer than {count} scenes can be posed")
+
+
+def _solve(scene):
+    answer = jaxclay.minimize(*scene)
+    return answer.heights, answer.status_code
+
+
+def _deform(scene):
+    answer = jaxclay.deform(*scene)
+    return answer.heights, answer.status_code
+
+
+def _on_spans(clay, squash, material):
+    return jaxclay.minimize(jaxclay.pose(clay, squash, material, scheme="spline"))
+
+
+def _spline(scene):
+    answer = _on_spans(*scene)
+    return answer.heights, answer.status_code
+
+
+WAYS = {
+    "solve": Way(jaxclay.minimize, _solve),
+    "deform": Way(jaxclay.deform, _deform),
+    "spline": Way(_on_spans, _spline),
+    f"spline to {_TOLERANCE:g}": Way(
+        lambda *scene: jaxclay.deform(*scene, tolerance=_TOLERANCE), None
+    ),
+}
