@@ -27,6 +27,7 @@ text-align: right } th { position: sticky; top: 0; background: #fff; border-bott
 td.l, th.l { text-align: left } tr.first td { border-top: 1px solid #ccc }
 .converged { color: #00614a } .stalled, .iteration, .below { color: #8a3a00 }
 .wide { overflow-x: auto }
+.figures td { white-space: nowrap }
 """
 
 

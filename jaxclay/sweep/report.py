@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 from pathlib import Path
 
@@ -48,7 +49,8 @@ def write(folder: Path) -> list[Path]:
         paths, figures = save_charts(drawn, folder)
         written += paths
         body += f"<h2>{kind.capitalize()}</h2><p>{explained}</p>{figures}"
-        body += f"<h3>Medians</h3>{_explanation(kind)}<div class=wide>{_medians(rows, kind)}</div>"
+        body += f"<h3>Medians</h3>{_explanation(kind, rows)}"
+        body += f"<div class='wide figures'>{_medians(rows, kind)}</div>"
         body += _failures(rows)
     body += f"<h2>What ran on what</h2>{_what_ran(everything)}"
     return [*written, save_page("jaxclay sweep", body, folder)]
@@ -75,7 +77,7 @@ def _summary(rows: pd.DataFrame) -> str:
     )
 
 
-def _explanation(kind: str) -> str:
+def _explanation(kind: str, rows: pd.DataFrame) -> str:
     times = (
         f"Milliseconds are of the compiled call alone; the shifted geometric mean adds "
         f"{SHIFT * 1e3:g} ms before it takes logarithms, and the last column holds the time that "
@@ -83,10 +85,15 @@ def _explanation(kind: str) -> str:
         if kind == "timing"
         else ""
     )
+    judged = select(rows, rows.energy_minimum.notna())
+    referees = "; ".join(
+        f"{escape(str(who))} for {escape(', '.join(part.series.unique()))}"
+        for who, part in groups(judged, "reference")
+    )
     return (
         f"<p>{times}Gaps are over E_free, measured from the minimum of another method than the "
-        "row's, which the certificate accepts: named in the column reference. Where it accepts "
-        "none, the column uncertified counts the task and the medians are without it.</p>"
+        f"row's, which the certificate accepts ({referees or 'none here'}). Where it accepts none, "
+        "a column uncertified counts the task and the medians are without it.</p>"
     )
 
 
@@ -95,14 +102,22 @@ def _medians(rows: pd.DataFrame, kind: str) -> str:
     names = ["units", "slices", "method", "settings", "tasks", "certified", "skipped"]
     names += ["gap / E_free", "contour error / l", "from the continuum / l", "iterations"]
     names += ["median ms", "shifted mean ms", "90% ms"] if timing else []
-    names += ["reference", "uncertified"]
+    names += ["uncertified"]
     lines = []
-    for (units, slices, tolerance, series, settings), part in groups(rows, _BY):
+    for (units, slices, tolerance, series, settings), part in sorted(groups(rows, _BY), key=_order):
         size = f"{slices}" if slices else f"to {tolerance:g}"
-        cells = [units, size, series, settings, *_figures(part, timing)]
-        lines.append("".join(_cell(text) for text in cells))
-    head = "".join(f"<th class=l>{name}</th>" for name in names)
-    return f"<table><tr>{head}</tr><tr>{'</tr><tr>'.join(lines)}</tr></table>"
+        lines.append([units, size, series, settings, *_figures(part, timing)])
+    columns = [[name, *cells] for name, *cells in zip(names, *lines, strict=True) if any(cells)]
+    head, *lines = zip(*columns, strict=True)
+    head = "".join(f"<th class=l>{name}</th>" for name in head)
+    body = "</tr><tr>".join("".join(_cell(text) for text in line) for line in lines)
+    return f"<table><tr>{head}</tr><tr>{body}</tr></table>"
+
+
+def _order(group) -> tuple:
+    """As the columns stand, settings by their values."""
+    (*before, settings), _ = group
+    return *before, [float(value) for value in re.findall("=([^,]+)", settings)]
 
 
 def _figures(part: pd.DataFrame, timing: bool) -> list[str]:
@@ -121,9 +136,7 @@ def _figures(part: pd.DataFrame, timing: bool) -> list[str]:
         times = tried.solve_s
         values = times.median(), shifted_geometric_mean(times), times.quantile(HIGH)
         figures += [number(value * 1e3, ".3g", "") for value in values]
-    who = [name for name in tried.reference.unique() if name != "none certified"]
-    lost = int(tried.energy_minimum.isna().sum())
-    return [*figures, ", ".join(who) or "none certified", f"{lost or ''}"]
+    return [*figures, f"{int(tried.energy_minimum.isna().sum()) or ''}"]
 
 
 def _median(errors: pd.Series) -> str:
