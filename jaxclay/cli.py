@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import sys
@@ -19,15 +20,15 @@ _INTERRUPTED = 130
 
 
 def entry() -> None:
-    """The command ``jaxclay``: :func:`main`, and an end that Ctrl-C cannot spoil."""
+    """The command ``jaxclay``: :func:`main`, and an end that no thread can spoil."""
     signal.signal(signal.SIGINT, _interrupt)
     code = main()
-    if _interrupts:
-        # Leaving while XLA still compiles in another thread would crash.
+    # XLA may still compile in another thread, and its threads and Arrow's, ended by the
+    # interpreter one before the other, abort a process in some of a hundred runs.
+    with contextlib.suppress(BrokenPipeError):
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(_INTERRUPTED)
-    sys.exit(code)
+    os._exit(_INTERRUPTED if _interrupts else code)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from sweeps import compiled_once, experiment, whole  # noqa: F401 (fixtures)
 
 from jaxclay._host import let_go
 

@@ -72,14 +72,23 @@ def test_no_pair_is_no_agreement(said):
     assert "no pair was compared" in out
 
 
+def test_clay_that_is_all_under_the_tool_agrees(said):
+    """E_free is 0 there, and so is the gap."""
+    swallowed = "cylinders = { radius = 0.3 }\nsquash = { bottom = 0.0, height = 3.0, ratio = 1.0 }"
+    code, out = said(TEXT.replace('names = ["reference", "fig4c"]', swallowed))
+    assert code == 0
+    assert "largest energy gap 0.0e+00" in out
+
+
 def test_an_unknown_key_and_no_greedy_are_refused(said, capsys):
     assert said(TEXT, "--only", "abc")[0] == 2
     assert said(TEXT.replace('"greedy-refined"', '"newton"'))[0] == 2
 
 
-def test_an_energy_below_the_certified_minimum_disagrees_too():
+@pytest.mark.parametrize(("gap", "error"), [(-1e-3, 0.0), (float("nan"), 0.0), (0.0, float("nan"))])
+def test_an_energy_below_the_minimum_or_no_number_disagrees_too(gap, error):
     row = {
-        "status": "stalled", "energy_minimum": 1.0, "gap_relative": -1e-3, "contour_error": 0.0
+        "status": "stalled", "energy_minimum": 1.0, "gap_relative": gap, "contour_error": error
     }  # fmt: skip
     found = agreement(pd.DataFrame([row]), AgreeTable())
     assert len(found.offenders) == 1

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import numpy as np
@@ -14,6 +15,7 @@ pytest.importorskip("distributed")
 from jaxclay.compare import load, sweep
 from jaxclay.sweep import backends, engine, estimate
 from jaxclay.sweep.experiment import read_experiment
+from jaxclay.sweep.tasks import identity
 
 TEXT = """\
 kind = "throughput"
@@ -57,7 +59,7 @@ def assert_same(table, other):
 def killer(victims):
     """Kills the worker that the first rows come from."""
 
-    def tell(rows):
+    def tell(rows, done):
         if not victims:
             victims.append(rows[0]["process"])
             assert victims[0] != os.getpid()
@@ -119,6 +121,34 @@ def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
         table = sweep(experiment, tmp_path, backend="dask", scheduler=address)
         assert table.process.nunique() == 1
     assert_same(table, serial)
+
+
+def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
+    sizes = (8, 16)
+    paths = [tmp_path / f"of{n}.toml" for n in sizes]
+    for n, path in zip(sizes, paths, strict=True):
+        path.write_text(TEXT.replace("slices = 8", f"slices = {n}"))
+    with backends.local_cluster() as cluster, ThreadPoolExecutor(2) as pool:
+        runs = [
+            pool.submit(sweep, path, path.with_suffix(""), backend="dask",
+                        scheduler=cluster.scheduler_address)
+            for path in paths
+        ]  # fmt: skip
+        for n, run in zip(sizes, runs, strict=True):
+            assert list(run.result().slices) == [n] * COUNT
+
+
+def test_workers_of_a_local_cluster_keep_compilations_in_the_same_place(experiment):
+    from distributed import Client
+
+    with backends.local_cluster() as cluster, Client(cluster) as client:
+        found = client.run(lambda: __import__("jax").config.jax_compilation_cache_dir)
+    assert set(found.values()) == {jax.config.jax_compilation_cache_dir}
+
+
+def test_a_worker_of_another_version_is_refused():
+    with pytest.raises(RuntimeError, match="start workers with that"):
+        backends.solve_in_worker([], identity() | {"jaxclay": "0.0.1"})
 
 
 def test_no_worker_is_left_behind(with_dask):

@@ -46,12 +46,16 @@ def sweep(
     OSError
         The folder cannot be written to; what had been solved is kept.
     RuntimeError
-        A worker died; what had been solved is kept.
+        A worker died; what had been solved is kept.  Another timing run is under way.
     """
     from jaxclay.sweep import engine
-    from jaxclay.sweep.experiment import read_experiment
+    from jaxclay.sweep.experiment import packaged, read_experiment
+    from jaxclay.sweep.store import keep_experiment
 
-    engine.run(read_experiment(experiment, profiles), Path(out), backend, scheduler)
+    whole = read_experiment(experiment, profiles)
+    engine.check_backend(whole, backend, scheduler)
+    keep_experiment(Path(out), packaged().get(str(experiment), Path(experiment)))
+    engine.run(whole, Path(out), backend, scheduler)
     return load(out)
 
 

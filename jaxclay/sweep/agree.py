@@ -24,6 +24,7 @@ from jaxclay.sweep.load import table
 from jaxclay.sweep.tables import AgreeTable, Experiment
 from jaxclay.sweep.tasks import tasks
 from jaxclay.sweep.values import Values
+from jaxclay.sweep.watch import watched
 
 METHOD = "greedy-refined"
 _OWN_RULE = ("stalled", "converged")  # it stopped because no move gained, not at a limit
@@ -80,9 +81,11 @@ def agree(
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
         try:
-            run_tasks(todo, folder, tell=lambda rows: interrupt())
+            with watched("agreement", len(todo), 0, interrupt) as watch:
+                run_tasks(todo, folder, tell=watch)
         except KeyboardInterrupt:
-            console.print("interrupted: nothing is said about agreement")
+            kept = "" if out is None else f"; what had ended is kept in {out}"
+            console.print(f"interrupted: nothing is said about agreement{kept}")
             return INTERRUPTED
         rows = table(folder) if todo else pd.DataFrame(columns=["key"])
     rows = select(rows, rows.key.isin([task.key for task in todo]))
@@ -105,8 +108,9 @@ def agreement(rows: pd.DataFrame, limits: AgreeTable) -> Agreement:
     """Judge rows of ``greedy-refined`` by their distance to the certified minimum."""
     certified, own = rows.energy_minimum.notna(), rows.status.isin(_OWN_RULE)
     compared = select(rows, certified & own)
-    # Below the certified minimum counts too: then it is not the same one.
-    far = (compared.gap_relative.abs() > limits.energy) | (compared.contour_error > limits.contour)
+    # Below the certified minimum counts too: then it is not the same one.  So does no number.
+    near = compared.gap_relative.abs() <= limits.energy
+    far = ~(near & (compared.contour_error <= limits.contour))
     reasons = {
         "cannot be posed": rows.status == "skipped",
         "no certified minimum": (rows.status != "skipped") & ~certified,

@@ -11,6 +11,8 @@ import itertools
 import multiprocessing
 import os
 import signal
+import threading
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -21,7 +23,7 @@ import jax
 from jaxclay._host import let_go
 from jaxclay.compare.rows import Row
 from jaxclay.sweep.solving import solve
-from jaxclay.sweep.tasks import Task
+from jaxclay.sweep.tasks import Task, identity
 
 BACKENDS = ("serial", "processes", "dask")
 Batches = Iterable[list[Task]]
@@ -44,7 +46,7 @@ def cores() -> int:
 def serial(batches: Batches) -> Iterator[list[Row]]:
     """Solve the batches here, one after the other."""
     for batch in batches:
-        yield solve_in_worker(batch)
+        yield solve_in_worker(batch, identity())
 
 
 def processes(batches: Batches, workers: int | None = None) -> Iterator[list[Row]]:
@@ -65,11 +67,15 @@ def processes(batches: Batches, workers: int | None = None) -> Iterator[list[Row
     try:
         with _environment(one_thread()):
             yield from _as_they_end(
-                batches, count, lambda batch: pool.submit(solve_in_worker, batch), _first_done
+                batches,
+                count,
+                lambda batch: pool.submit(solve_in_worker, batch, identity()),
+                _first_done,
             )
     except BrokenProcessPool:
         raise RuntimeError(
-            "a worker process died: is there memory enough? What had ended is kept"
+            "a worker process died: is there memory enough, and does a script guard what it runs "
+            "by if __name__ == '__main__'? What had ended is kept"
         ) from None
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -88,41 +94,47 @@ def dask(batches: Batches, scheduler: str | None = None) -> Iterator[list[Row]]:
         dask.distributed is missing.
     OSError
         Nobody answers at the scheduler's address.
+    RuntimeError
+        A worker has another version of jaxclay, or computes on another kind of device.
     """
     try:
-        from distributed import Client, LocalCluster, as_completed
+        from distributed import Client, as_completed
     except ImportError as error:
         raise ImportError(
             "--backend dask needs dask.distributed: pip install 'jaxclay[sweep]'", name=error.name
         ) from error
 
-    count = cores()
     with contextlib.ExitStack() as stack:
-        where: Any = scheduler
-        local: Any = LocalCluster  # its annotations leave out what it documents
-        if scheduler is None:
-            where = stack.enter_context(
-                local(
-                    n_workers=count, threads_per_worker=1, memory_limit="auto",
-                    dashboard_address=None, env=one_thread(), silence_logs=50,
-                    preload=["jaxclay.sweep.dask_worker"],
-                )
-            )  # fmt: skip
+        where: Any = stack.enter_context(local_cluster()) if scheduler is None else scheduler
         client: Any = stack.enter_context(Client(where, timeout=_ANSWERS_WITHIN))
         running = as_completed()
-        numbers = itertools.count()
         left = iter(batches)
 
         def submit(batch):
-            key = f"jaxclay-{os.getpid()}-{next(numbers)}"
-            running.add(client.submit(solve_in_worker, batch, key=key, pure=False))
+            # Others may use the same scheduler, and on other machines process numbers recur.
+            key = f"jaxclay-{uuid.uuid4()}"
+            running.add(client.submit(solve_in_worker, batch, identity(), key=key, pure=False))
 
-        for batch in itertools.islice(left, _AHEAD * max(len(client.nthreads()), count)):
+        for batch in itertools.islice(left, _AHEAD * max(len(client.nthreads()), cores())):
             submit(batch)
         for future in running:
             yield future.result()
             for batch in itertools.islice(left, 1):
                 submit(batch)
+
+
+@contextlib.contextmanager
+def local_cluster() -> Iterator[Any]:
+    """A dask cluster on this machine, of a worker a core, one thread each."""
+    from distributed import LocalCluster
+
+    local: Any = LocalCluster  # its annotations leave out what it documents
+    # Set before workers start: the variables are read when they import JAX.
+    with _environment(one_thread()), local(
+        n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=None,
+        silence_logs=50, preload=["jaxclay.sweep.dask_worker"],
+    ) as cluster:  # fmt: skip
+        yield cluster
 
 
 def _as_they_end(batches: Batches, workers: int, submit: Callable, first_done: Callable):
@@ -142,8 +154,16 @@ def _first_done(running):
     return wait(running, return_when=FIRST_COMPLETED)
 
 
-def solve_in_worker(batch: list[Task]) -> list[Row]:
-    """Solve a batch."""
+def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:
+    """Solve a batch, as what its tasks' keys say.
+
+    Raises
+    ------
+    RuntimeError
+        This process is another version, or computes on another kind of device.
+    """
+    if (here := identity()) != wanted:
+        raise RuntimeError(f"a worker has {here}, but {wanted} is wanted: start workers with that")
     found = solve(batch)
     let_go()
     return found
@@ -167,9 +187,18 @@ def one_thread() -> dict[str, str]:
 def _begin_process(numbers) -> None:
     """A worker's first act: its own core, and Ctrl-C left to the process that it works for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     if hasattr(os, "sched_setaffinity"):
         mine = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {mine[numbers.get() % len(mine)]})
+
+
+def _end_with_parent() -> None:
+    """A process that is killed cannot stop its workers: they have to see it."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextlib.contextmanager

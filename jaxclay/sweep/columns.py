@@ -14,7 +14,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "task": (_TEXT, "the task in a few words"),
     "scene": (_TEXT, "name of the scene or of its piece"),
     "recipe": (_TEXT, "hash of the scene's inputs: the same scene solved in several ways"),
-    "number": (_WHOLE, "of the scene in its table of the experiment file"),
+    "number": (_WHOLE, "of the scene in its table of the experiment file, when it was solved"),
     "source": (_TEXT, '"scene", "cylinder", a packaged profile or the path of a CSV file'),
     "units": (_TEXT, '"snake" or "printed": of alpha and beta'),
     "radius": (_REAL, "of a cylinder, its own length unit; 0 for other pieces"),
@@ -41,10 +41,18 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "energy_start": (_REAL, "E_total of the rough shape, no unit"),
     "energy_minimum": (_REAL, "E_total of the reference, no unit"),
     "energy_free": (_REAL, "E_free, the terms that touch what is free, no unit"),
-    "gap": (_REAL, "energy - energy_minimum, no unit; missing where none is certified"),
+    "gap": (
+        _REAL,
+        "energy - energy_minimum, no unit; missing where none is certified; for splines what "
+        "their mesh lacks is in it",
+    ),
     "gap_relative": (_REAL, "gap over energy_free"),
     "contour_error": (_REAL, "distance to the reference's contour, over l"),
-    "contour_error_continuum": (_REAL, "distance to the continuum's minimum by splines, over l"),
+    "contour_error_continuum": (
+        _REAL,
+        "distance to the continuum's minimum, by splines ten times finer than the least tolerance, "
+        "over l",
+    ),
     "error_estimate": (_REAL, "the spline's own estimate of its contour error, over l"),
     "reference": (_TEXT, 'whose certified minimum the gap is from, or "none certified"'),
     "iterations": (_WHOLE, "of the method; on the last mesh for splines"),

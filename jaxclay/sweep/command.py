@@ -5,28 +5,26 @@ from __future__ import annotations
 import os
 import shlex
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 try:
     import pyarrow  # noqa: F401
     from rich.console import Console
 
-    from jaxclay.compare.progress import fit, progress_bar, rate
     from jaxclay.sweep import engine
-    from jaxclay.sweep.experiment import read_experiment
+    from jaxclay.sweep.experiment import packaged, read_experiment
+    from jaxclay.sweep.store import keep_experiment
+    from jaxclay.sweep.watch import Interrupt, watched
 except ImportError as error:
     raise ImportError(
         f"jaxclay sweep needs {error.name}: pip install 'jaxclay[sweep]'", name=error.name
     ) from error
 
-from jaxclay.compare.rows import Row
 from jaxclay.sweep.engine import Work, in_words
 from jaxclay.sweep.tables import Experiment
 
 INTERRUPTED = 130
-_EVERY = 30.0  # seconds between the lines of the quiet mode
-Interrupt = Callable[[], None]
+_MISSING = 1
 
 
 def sweep(
@@ -42,7 +40,7 @@ def sweep(
 ) -> int:
     """Run an experiment file, or what is missing of it; see :func:`jaxclay.compare.sweep`.
 
-    Returns 0, or 130 if it was interrupted.
+    Returns 0, 1 if results are missing at the end, or 130 if it was interrupted.
     """
     begin = time.perf_counter()
     # Here and in what this starts, and before JAX starts: problems are small, see one_thread.
@@ -51,35 +49,46 @@ def sweep(
     whole = read_experiment(experiment, profiles)
     folder = Path("out") / Path(experiment).stem if out is None else Path(out)
     engine.check_backend(whole, backend, scheduler)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"--out {folder} is a file: name a folder")
+    if not dry_run:
+        engine.set_damage_aside(folder)
     work = engine.work(whole, folder, backend)
-    console.print(_summary(whole, work))
+    console.print(_summary(whole, work, folder))
     if dry_run:
         return 0
+    keep_experiment(folder, packaged().get(str(experiment), Path(experiment)))
     again = _again(experiment, folder, backend, scheduler, profiles)
+    total, done = len(work.every), len(work.every) - len(work.missing)
     try:
-        _run(whole, work, folder, backend, scheduler, quiet, interrupt)
+        with watched(f"{whole.kind}, {backend}", total, done, interrupt, quiet) as watch:
+            lost = engine.run(whole, folder, backend, scheduler, watch)
     except KeyboardInterrupt:
+        # First what has to be known: who is in a hurry interrupts again.
+        console.print(f"interrupted: what had ended is kept; go on with\n  {again}")
         left = len(engine.work(whole, folder, backend).missing)
-        console.print(
-            f"interrupted: {len(work.every) - left} of {len(work.every)} tasks are kept in "
-            f"{folder}; go on with\n  {again}"
-        )
+        console.print(f"{total - left} of {total} tasks are in {folder}")
         return INTERRUPTED
     except OSError as error:
         raise OSError(f"{error}: what had been solved is kept in {folder}; then {again}") from error
+    if lost:
+        console.print(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
+        return _MISSING
     took = in_words(time.perf_counter() - begin)
-    console.print(f"all {len(work.every)} tasks are in {folder} ({took}); jaxclay report {folder}")
+    console.print(f"all {total} tasks are in {folder} ({took}); jaxclay report {folder}")
     return 0
 
 
-def _summary(experiment: Experiment, work: Work) -> str:
+def _summary(experiment: Experiment, work: Work, folder: Path) -> str:
     shapes = len({task.shape for task in work.every})
     done = len(work.every) - len(work.missing)
     scenes = len({task.recipe for task in work.every})
     before = f", {done} of them done before" if done else ""
+    others = f"\n{folder} holds {work.others} results of other experiments too, and tables and "
+    others = f"{others}reports take all of a folder" if work.others else ""
     return (
         f"{experiment.kind}: {len(work.every)} tasks{before} ({scenes} scenes, {shapes} shapes to "
-        f"compile); about {in_words(work.seconds)} to go"
+        f"compile); about {in_words(work.seconds)} to go{others}"
     )
 
 
@@ -90,42 +99,6 @@ def _again(experiment, folder, backend, scheduler, profiles) -> str:
     words += ["--scheduler", scheduler] if scheduler else []
     words += ["--profiles", str(profiles)] if profiles else []
     return shlex.join(words)
-
-
-def _run(experiment, work: Work, folder, backend, scheduler, quiet, interrupt) -> None:
-    total, done = len(work.every), len(work.every) - len(work.missing)
-    if quiet:
-        tell = _Log(total, done, interrupt)
-        engine.run(experiment, folder, backend, scheduler, tell)
-        return
-    with progress_bar() as progress:
-        bar = progress.add_task(fit(f"{experiment.kind}, {backend}"), total=total, completed=done)
-
-        def tell_bar(rows: list[Row]) -> None:
-            interrupt()
-            progress.update(bar, advance=len(rows), description=fit(rows[-1]["task"]))
-
-        engine.run(experiment, folder, backend, scheduler, tell_bar)
-
-
-class _Log:
-    """The quiet mode: a plain line now and then, for logs."""
-
-    def __init__(self, total: int, done: int, interrupt: Interrupt):
-        self.total, self.first, self.done = total, done, done
-        self.begin = self.last = time.perf_counter()
-        self.interrupt = interrupt
-
-    def __call__(self, rows: list[Row]) -> None:
-        self.interrupt()
-        self.done += len(rows)
-        now = time.perf_counter()
-        if now - self.last < _EVERY and self.done < self.total:
-            return
-        self.last = now
-        speed = (self.done - self.first) / (now - self.begin)
-        left = in_words((self.total - self.done) / speed)
-        print(f"{self.done} of {self.total} tasks, {rate(speed)}, {left} left", flush=True)
 
 
 def report(folder: str | Path) -> int:

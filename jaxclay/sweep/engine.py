@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,9 +17,9 @@ from jaxclay.sweep.estimate import batch_sizes, total_seconds
 from jaxclay.sweep.store import Store, parts, read_part
 from jaxclay.sweep.tables import Experiment
 from jaxclay.sweep.tasks import Task, batches, tasks
-from jaxclay.sweep.timing import pinned
+from jaxclay.sweep.timing import alone, pinned
 
-Report = Callable[[list[Row]], None]
+Tell = Callable[[list[Row], int], None]
 
 
 class Work(NamedTuple):
@@ -32,11 +33,14 @@ class Work(NamedTuple):
         Those of which the folder has no result.
     seconds : float
         That those take, about.
+    others : int
+        Results in the folder that are of none of these tasks.
     """
 
     every: list[Task]
     missing: list[Task]
     seconds: float
+    others: int
 
 
 def check_backend(experiment: Experiment, backend: str, scheduler: str | None) -> None:
@@ -57,7 +61,8 @@ def work(experiment: Experiment, folder: Path, backend: str) -> Work:
     every = tasks(experiment)
     done, known = _so_far(folder)
     missing = [task for task in every if task.key not in done]
-    return Work(every, missing, total_seconds(missing, known, _workers(backend)))
+    others = len(done - {task.key for task in every})
+    return Work(every, missing, total_seconds(missing, known, _workers(backend)), others)
 
 
 def run(
@@ -65,20 +70,14 @@ def run(
     folder: Path,
     backend: str = "serial",
     scheduler: str | None = None,
-    tell: Report = lambda rows: None,
-) -> Work:
-    """Solve what is missing and add it to the folder; ``tell`` hears of every batch's rows.
-
-    Returns the work as it was at the beginning.
+    tell: Tell = lambda rows, done: None,
+) -> int:
+    """Solve what is missing and add it to the folder; see :func:`run_tasks`.
 
     Raises
     ------
     ValueError
         A backend that does not go with the experiment.
-    OSError
-        The folder cannot be written to: what had been written is kept.
-    RuntimeError
-        A worker died.
     """
     check_backend(experiment, backend, scheduler)
     return run_tasks(tasks(experiment), folder, backend, scheduler, tell)
@@ -89,26 +88,48 @@ def run_tasks(
     folder: Path,
     backend: str = "serial",
     scheduler: str | None = None,
-    tell: Report = lambda rows: None,
-) -> Work:
-    """The same for tasks that are all of one kind."""
-    store = Store(folder)
-    store.keys()  # sets damaged files aside
-    done, known = _so_far(folder)
+    tell: Tell = lambda rows, done: None,
+) -> int:
+    """Solve those of the tasks, all of one kind, that the folder lacks.
+
+    ``tell`` hears of every batch's rows, and how many tasks are done by whatever run.  Returns
+    how many still lack a result at the end, as where somebody took results away.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to: what had been written is kept.
+    RuntimeError
+        A worker died; another timing run is under way.
+    """
+    store, wanted = Store(folder), {task.key for task in every}
+    done = store.keys()
     missing = [task for task in every if task.key not in done]
-    workers = _workers(backend)
-    lists = _still_missing(store, batches(missing, batch_sizes(missing, known, workers)))
+    sizes = batch_sizes(missing, _so_far(folder)[1], _workers(backend))
+
+    def told(rows: list[Row]) -> None:
+        tell(rows, len(wanted & store.keys()))
+
+    lists = _still_missing(store, _from_anywhere(batches(missing, sizes)), told)
     with contextlib.ExitStack() as stack:
         stack.enter_context(threadpool_limits(1))
-        timing = any(task.kind == "timing" for task in missing)
-        core = stack.enter_context(pinned()) if timing else -1
+        core = -1
+        if any(task.kind == "timing" for task in missing):
+            stack.enter_context(alone())
+            core = stack.enter_context(pinned())
         results = _results(backend, scheduler, lists)
         stack.callback(results.close)
         for rows in results:
             rows = [row | {"pinned": core} for row in rows]
             store.append(rows)
-            tell(rows)
-    return Work(every, missing, total_seconds(missing, known, workers))
+            told(rows)
+    return len(wanted - store.keys())
+
+
+def set_damage_aside(folder: Path) -> None:
+    """Warn of damaged files and rename them, so that their tasks count as missing."""
+    if folder.exists():
+        Store(folder).keys()
 
 
 def _results(backend: str, scheduler: str | None, lists) -> Any:
@@ -117,13 +138,24 @@ def _results(backend: str, scheduler: str | None, lists) -> Any:
     return backends.processes(lists) if backend == "processes" else backends.serial(lists)
 
 
-def _still_missing(store: Store, lists: Iterator[list[Task]]) -> Iterator[list[Task]]:
+def _from_anywhere(lists: Iterator[list[Task]]) -> list[list[Task]]:
+    """The batches from any of them on and round: two runs on one folder seldom meet."""
+    every = list(lists)
+    begin = random.randrange(len(every)) if every else 0
+    return every[begin:] + every[:begin]
+
+
+def _still_missing(
+    store: Store, lists: list[list[Task]], told: Callable[[list[Row]], None]
+) -> Iterator[list[Task]]:
     """The batches less what another run on the same folder has done meanwhile."""
     for batch in lists:
         done = store.keys()
         left = [task for task in batch if task.key not in done]
         if left:
             yield left
+        else:
+            told([])
 
 
 def _workers(backend: str) -> int:

@@ -23,7 +23,7 @@ _SECONDS = {
 _SPLINE = 5e-3
 _AROUND = 5e-3  # posing, the reference and the judge
 _TRUTH = 0.3  # the continuum's minimum, where there is a tolerance, and distances to it
-_COMPILING, _COMPILING_SPLINE = 5.0, 30.0  # seconds for each shape
+_COMPILING, _COMPILING_SPLINE, _COMPILING_TRUTH = 5.0, 25.0, 50.0  # seconds for each shape
 _RUNS = 10  # of a timed task, about
 _SAVE_EVERY = 10.0  # seconds of work that a kill may cost
 _MOST = 256  # tasks in a batch
@@ -57,6 +57,6 @@ def total_seconds(todo: list[Task], known: dict[tuple, float], workers: int) -> 
     compiling = sum(
         _COMPILING_SPLINE if scheme == "spline" else _COMPILING for scheme, *_ in shapes
     )
-    if any(task.truth for task in todo) and not any(s[0] == "spline" for s in shapes):
-        compiling += _COMPILING_SPLINE
+    if any(task.truth for task in todo):
+        compiling += _COMPILING_TRUTH
     return solving / workers + compiling

@@ -23,7 +23,7 @@ def _add_sweep(commands, interrupt: Interrupt) -> None:
         description="Run what is missing of an experiment file and keep the results in a folder. "
         "Stop it at any time; the same command goes on.",
     )
-    _add_common(sweep)
+    _add_common(sweep, "default out/NAME of the file")
     sweep.add_argument(
         "--backend", choices=("serial", "processes", "dask"), default="serial",
         help="where tasks are solved (default serial, the only one for timing)",
@@ -69,7 +69,7 @@ def _add_agree(commands, interrupt: Interrupt) -> None:
         description="Compare, in snake units, the certified gradient answer with that of "
         "greedy-refined, scene by scene; 1 if any disagree or none could be compared.",
     )
-    _add_common(agree)
+    _add_common(agree, "to keep results in; default: they are not kept")
     agree.add_argument("--only", metavar="KEY", help="only the task of this key")
 
     def run(options: argparse.Namespace) -> int:
@@ -82,12 +82,12 @@ def _add_agree(commands, interrupt: Interrupt) -> None:
     agree.set_defaults(run=run)
 
 
-def _add_common(command) -> None:
+def _add_common(command, out: str) -> None:
     command.add_argument(
         "experiment",
         help="TOML file, or one that comes with jaxclay: paper, population, splines, agreement",
     )
-    command.add_argument("--out", type=Path, metavar="FOLDER", help="default out/NAME of the file")
+    command.add_argument("--out", type=Path, metavar="FOLDER", help=out)
     command.add_argument(
         "--profiles", type=Path, metavar="FOLDER", help="add every CSV in FOLDER to the profiles"
     )

@@ -19,7 +19,7 @@ from jaxclay.squash import Squash
 from jaxclay.sweep.tables import Experiment, ScenesTable
 from jaxclay.sweep.values import Values
 
-_Piece = tuple[str | None, float, float]  # source, and radius and height of a cylinder
+_Piece = tuple[str | None, str, float, float]  # source and digest, or a cylinder's two lengths
 
 _FINE = 512  # slices on which a profile's own radius is looked up
 
@@ -43,7 +43,7 @@ class Recipe:
     name : str
         A packaged scene's, "cylinder" or a profile's.
     number : int
-        Among the scenes of its table; 0 for packaged scenes.
+        Among the scenes of its table, 0 for packaged scenes; not part of what is solved.
     source : str
         "scene" for a packaged one, "cylinder", or a packaged profile or the path of a CSV file.
     digest : str
@@ -73,16 +73,24 @@ class Recipe:
     @functools.cached_property
     def key(self) -> str:
         """A hash of the numbers; a file is its content, wherever it lies."""
-        inputs = dataclasses.asdict(self) | ({"source": ""} if self.digest else {})
+        inputs = dataclasses.asdict(self) | {"number": 0} | ({"source": ""} if self.digest else {})
         return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:16]
 
     def scene(self) -> Scene:
-        """The scene, its squashes in the piece's own length unit."""
+        """The scene, its squashes in the piece's own length unit.
+
+        Raises
+        ------
+        OSError
+            A CSV file cannot be read, or is no longer what it was.
+        """
         if self.source == "scene":
             return packaged_scenes()[self.name]
         if self.source == "cylinder":
             piece = functools.partial(Clay.cylinder, self.radius, self.height)
         else:
+            if self.digest != _digest(self.source):
+                raise OSError(f"{self.source} has changed: run the experiment again")
             piece = functools.partial(load_profile, self.source)
         squashes = _squashes(piece(_FINE), self.bands)
         return Scene(
@@ -136,14 +144,13 @@ def _combined(*values: Values) -> list[tuple[float, ...]]:
 
 def _drawn(table: ScenesTable, rng: np.random.Generator) -> Iterator[Recipe]:
     """Scenes with every number drawn, or picked from its list."""
-    sources: list[str | None] = [*(table.profiles or ())]
-    sources += [None] if table.cylinders else []
+    pieces = _of_profiles(table) + ([(None, "", 0.0, 0.0)] if table.cylinders else [])
     m = table.material
     for number in range(table.draws or 0):
-        piece: _Piece = sources[int(rng.integers(len(sources)))], 0.0, 0.0
+        piece = pieces[int(rng.integers(len(pieces)))]
         if piece[0] is None and table.cylinders is not None:
             size = table.cylinders
-            piece = None, size.radius.drawn(rng), size.height.drawn(rng)
+            piece = None, "", size.radius.drawn(rng), size.height.drawn(rng)
         succession = tuple(
             Band(one.bottom.drawn(rng), one.height.drawn(rng), one.ratio.drawn(rng), one.top_fixed)
             for one in table.squash or ()
@@ -154,24 +161,26 @@ def _drawn(table: ScenesTable, rng: np.random.Generator) -> Iterator[Recipe]:
 
 
 def _pieces(table: ScenesTable) -> list[_Piece]:
-    pieces: list[_Piece] = [(source, 0.0, 0.0) for source in table.profiles or ()]
+    pieces = _of_profiles(table)
     if table.cylinders is not None:
         sizes = _combined(table.cylinders.radius, table.cylinders.height)
-        pieces += [(None, radius, height) for radius, height in sizes]
+        pieces += [(None, "", radius, height) for radius, height in sizes]
     return pieces
 
 
+def _of_profiles(table: ScenesTable) -> list[_Piece]:
+    return [(source, _digest(source), 0.0, 0.0) for source in table.profiles or ()]
+
+
 def _recipe(number: int, piece: _Piece, succession, constants, units) -> Recipe:
-    (source, radius, height), (k, mu, alpha, beta) = piece, constants
+    (source, digest, radius, height), (k, mu, alpha, beta) = piece, constants
     name = "cylinder" if source is None else Path(source).stem
-    digest = "" if source is None else _digest(source)
     return Recipe(
         name, number, source or "cylinder", digest, radius, height, succession, k, mu, alpha, beta,
         units,
     )  # fmt: skip
 
 
-@functools.cache
 def _digest(source: str) -> str:
     if source in PROFILES:
         return ""

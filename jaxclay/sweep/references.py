@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 from jaxclay.clay import Clay, Material
-from jaxclay.minimize import Solution, deform
+from jaxclay.minimize import Solution, deform, minimize
 from jaxclay.problem import Problem
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.squash import Squash
@@ -16,11 +16,12 @@ _FINE = 512  # slices from which a profile becomes a function
 _EARLIER = 1e-5  # tolerance of the squashes before the last
 _GOOD_ENOUGH = 10.0  # error estimate of a reference over the tolerance it was asked for
 _KEPT = 1024
+REFEREE = "lbfgs-preconditioned"  # of newton, on both schemes
 
 
 def referee(method: str) -> str:
     """Whose certified minimum a method's gap is measured from, never its own."""
-    return "lbfgs-preconditioned" if method == "newton" else "newton"
+    return REFEREE if method == "newton" else "newton"
 
 
 @functools.lru_cache(maxsize=_KEPT)
@@ -41,16 +42,18 @@ _minima: dict[tuple[str, Recipe, int], Solution] = {}
 def certified_minima(wanted: list[tuple[Recipe, int]], method: str) -> list[Solution | None]:
     """The referee's answers for scenes that can be posed, None where it is not certified."""
     judge = referee(method)
-    new = [one for one in dict.fromkeys(wanted) if (judge, *one) not in _minima]
-    if len(_minima) > _KEPT:
-        _minima.clear()
-        new = list(dict.fromkeys(wanted))
+    # A worker of dask may have several threads: what they share is read once.
+    known = {one: _minima.get((judge, *one)) for one in wanted}
+    new = [one for one, answer in known.items() if answer is None]
     for size in {slices for _, slices in new}:
         same = [one for one in new if one[1] == size]
         answers = minimized([posed(*one) for one in same], judge, [{}] * len(same))
-        _minima.update(((judge, *one), answer) for one, answer in zip(same, answers, strict=True))
-    found = [_minima[judge, *one] for one in wanted]
-    return [answer if bool(answer.certificate.accepted) else None for answer in found]
+        known.update(zip(same, answers, strict=True))
+    if len(_minima) > _KEPT:
+        _minima.clear()
+    _minima.update({(judge, *one): answer for one, answer in known.items() if answer})
+    found = [known[one] for one in wanted]
+    return [answer if answer and bool(answer.certificate.accepted) else None for answer in found]
 
 
 def function_of(recipe: Recipe) -> tuple[Clay | SmoothClay, Squash, Material]:
@@ -70,11 +73,16 @@ def function_of(recipe: Recipe) -> tuple[Clay | SmoothClay, Squash, Material]:
 
 @functools.lru_cache(maxsize=_KEPT)
 def true_minimum(recipe: Recipe, tolerance: float) -> Solution | None:
-    """The continuum's minimum by splines to ``tolerance``; None where it is not certified."""
+    """The continuum's minimum by splines to ``tolerance``; None where it is not certified.
+
+    Newton finds the mesh, another method the minimum on it, from a cold start.
+    """
     try:
-        answer = deform(*function_of(recipe), tolerance=tolerance)
+        mesh = deform(*function_of(recipe), tolerance=tolerance)
     except (ValueError, RuntimeError):
         return None
-    estimate = answer.error_estimate
-    exact = estimate is not None and float(estimate) <= _GOOD_ENOUGH * tolerance
-    return answer if exact and bool(answer.certificate.accepted) else None
+    estimate = mesh.error_estimate
+    if estimate is None or float(estimate) > _GOOD_ENOUGH * tolerance:
+        return None
+    answer = minimize(mesh.problem, REFEREE)
+    return answer if bool(answer.certificate.accepted) else None

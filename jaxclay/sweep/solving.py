@@ -15,7 +15,14 @@ from jaxclay.compare.rows import Row
 from jaxclay.minimize import Solution, deform
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.sweep.batched import minimized
-from jaxclay.sweep.references import certified_minima, function_of, posed, referee, true_minimum
+from jaxclay.sweep.references import (
+    REFEREE,
+    certified_minima,
+    function_of,
+    posed,
+    referee,
+    true_minimum,
+)
 from jaxclay.sweep.tasks import Task
 from jaxclay.sweep.timing import Times, timed_function, timed_slices
 from jaxclay.sweep.where import where
@@ -89,7 +96,7 @@ def _timed(task: Task) -> Row:
 
 def _of_splines(task: Task, answer: Solution, times: Times) -> Row:
     truth = true_minimum(task.recipe, task.truth)
-    return _judged(task, answer, truth, f"spline to {task.truth:g}", times)
+    return _judged(task, answer, truth, f"{REFEREE} on splines to {task.truth:g}", times)
 
 
 def _judged(
@@ -134,7 +141,7 @@ def _inputs(task: Task) -> Row:
         "number": recipe.number,
         "source": recipe.source, "units": recipe.units, "scheme": task.scheme,
         "slices": task.slices, "tolerance": task.tolerance, "method": task.method,
-        "settings": ", ".join(f"{name}={value:g}" for name, value in task.settings),
+        "settings": task.chosen,
     }  # fmt: skip
     for name in ("radius", "height", "k", "mu", "alpha", "beta"):
         row[name] = getattr(recipe, name)

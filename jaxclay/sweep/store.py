@@ -22,7 +22,7 @@ from jaxclay.compare.rows import Row
 from jaxclay.profiles import replacing
 from jaxclay.sweep.columns import SCHEMA
 
-_FOLDER = "results"
+_FOLDER, _EXPERIMENTS = "results", "experiments"
 _PATTERN = "part-*.parquet"
 _ABANDONED = 3600.0  # seconds after which a hidden file has lost its writer
 
@@ -44,11 +44,13 @@ class Store:
 
     def keys(self) -> set[str]:
         """Keys of all tasks that are done, by whatever run; damaged files are set aside."""
-        for path in self.folder.glob(_PATTERN):
-            if path.name not in self._known:
-                table = self._read(path)
-                if table is not None:
-                    self._known[path.name] = set(table["key"].to_pylist())
+        there = {path.name: path for path in self.folder.glob(_PATTERN)}
+        for name in there.keys() - self._known.keys():
+            table = self._read(there[name])
+            if table is not None:
+                self._known[name] = set(table["key"].to_pylist())
+        for name in self._known.keys() - there.keys():  # somebody took it away
+            del self._known[name]
         return set().union(*self._known.values())
 
     def append(self, rows: list[Row]) -> Path:
@@ -92,6 +94,27 @@ class Store:
             with contextlib.suppress(FileNotFoundError):
                 if time.time() - path.stat().st_mtime > _ABANDONED:
                     path.unlink()
+
+
+def keep_experiment(folder: Path, path: Path) -> None:
+    """Keep a copy of the experiment file, so that a folder says what its results are of.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
+    text = path.read_bytes()
+    digest = hashlib.sha256(text).hexdigest()[:8]
+    copy = folder / _EXPERIMENTS / f"{path.stem}-{digest}.toml"
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(copy) as temporary:
+        temporary.write_bytes(text)
+
+
+def experiments(folder: Path) -> list[str]:
+    """Names of the experiments that were run into a folder."""
+    return sorted(path.stem for path in (folder / _EXPERIMENTS).glob("*.toml"))
 
 
 def read_part(path: Path, columns: Iterable[str] | None = None) -> pa.Table:

@@ -64,16 +64,29 @@ class Task:
     def key(self) -> str:
         """A hash of the inputs, the package's version, the dtype and the device."""
         inputs = dataclasses.asdict(self) | {"recipe": self.recipe.key}
-        whole = {"task": inputs, "jaxclay": jaxclay.__version__, "dtype": DTYPE, "device": device()}
-        text = json.dumps(whole, sort_keys=True)
+        text = json.dumps({"task": inputs} | identity(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+    @property
+    def chosen(self) -> str:
+        """The settings in words, all digits of them."""
+        return ", ".join(f"{name}={_short(value)}" for name, value in self.settings)
 
     def described(self) -> str:
         """The task in a few words."""
         size = f"{self.slices} slices" if self.slices else f"to {self.tolerance:g}"
-        with_settings = "".join(f" {name}={value:g}" for name, value in self.settings)
         r = self.recipe
+        with_settings = f" {self.chosen}" if self.chosen else ""
         return f"{r.name} {r.number} ({r.units}, {size}): {self.method}{with_settings}"
+
+
+def _short(value: float) -> str:
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+
+
+def identity() -> dict[str, str]:
+    """What solves, and on what: results of different ones are different results."""
+    return {"jaxclay": jaxclay.__version__, "dtype": DTYPE, "device": device()}
 
 
 @functools.cache

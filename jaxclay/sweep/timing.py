@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,6 +89,32 @@ def _seconds(call) -> float:
     begin = time.perf_counter()
     call()
     return time.perf_counter() - begin
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Keep this user's other timing runs off the machine: two at once spoil each other's times.
+
+    Raises
+    ------
+    RuntimeError
+        There is one already.
+    """
+    try:
+        import fcntl
+    except ImportError:  # on Windows nobody is kept off
+        yield
+        return
+    path = Path(tempfile.gettempdir()) / f"jaxclay-timing-{os.getuid()}.lock"
+    with path.open("a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RuntimeError(
+                "another timing run is under way on this machine, and two at once spoil each "
+                "other's times: wait for it to end"
+            ) from None
+        yield
 
 
 @contextlib.contextmanager
