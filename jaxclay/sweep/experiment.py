@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
+import math
 import tomllib
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from jaxclay.profiles import PROFILES
-from jaxclay.sweep.lines import line_of
-from jaxclay.sweep.tables import TABLES, Experiment
+from jaxclay.profiles import PROFILES, load_profile
+from jaxclay.sweep.lines import MistakeAt, Place, line_of
+from jaxclay.sweep.tables import TABLES, Experiment, ScenesTable, Table
+from jaxclay.sweep.values import Values
 
 _PACKAGED = Path(__file__).parent / "experiments"
+_MOST = 1_000_000  # scenes of a table
 
 
 def packaged() -> dict[str, Path]:
@@ -42,10 +46,13 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
         raise ValueError(
             f"no experiment {str(path)!r}: name a TOML file, or choose from {', '.join(packaged())}"
         )
-    text = path.read_text(encoding="utf-8")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: a TOML file must be UTF-8: {error}") from None
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # of which a TOMLDecodeError is one
         raise ValueError(f"{path}: {error}") from None
     try:
         found = Experiment.model_validate(raw)
@@ -57,8 +64,8 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
 def _explained(path: Path, text: str, error: ValidationError):
     """A line for each mistake: the file's line, the key, what is wrong and what is allowed."""
     for mistake in error.errors():
-        place = tuple(part for part in mistake["loc"] if part != "function-before")
-        key = ".".join(str(part) for part in place if isinstance(part, str))
+        cause = mistake.get("ctx", {}).get("error")
+        place = mistake["loc"] + (cause.place if isinstance(cause, MistakeAt) else ())
         message = mistake["msg"].removeprefix("Value error, ")
         if mistake["type"] == "extra_forbidden":
             message = f"unknown key: choose from {', '.join(_keys(place[:-1]))}"
@@ -66,10 +73,16 @@ def _explained(path: Path, text: str, error: ValidationError):
             message = "is missing"
         elif mistake["type"] != "value_error":
             message = f"{message}, got {mistake['input']!r}"
-        yield f"{path}: line {line_of(text, place)}: {key}{': ' if key else ''}{message}"
+        yield f"{_where(path, text, place)}{message}"
 
 
-def _keys(place: tuple[str | int, ...]) -> list[str]:
+def _where(path: Path, text: str, place: Place) -> str:
+    """What a message begins with: the file, the line and the key."""
+    keys = ".".join(part for part in place if isinstance(part, str))
+    return f"{path}: line {line_of(text, place)}: {keys}{': ' if keys else ''}"
+
+
+def _keys(place: Place) -> list[str]:
     """The keys of the table at a place."""
     names = [part for part in place if isinstance(part, str)]
     return list((TABLES[names[-1]] if names else Experiment).model_fields)
@@ -77,34 +90,75 @@ def _keys(place: tuple[str | int, ...]) -> list[str]:
 
 def _with_files(found: Experiment, path: Path, text: str, folder) -> Experiment:
     """The experiment with every profile a packaged name or the path of one file."""
-    added = sorted(str(file.resolve()) for file in Path(folder).glob("*.csv")) if folder else []
-    if folder and not added:
-        raise ValueError(f"no CSV file in {folder}: each profile is a file with height,radius")
+    added = _files_of(Path(folder)) if folder is not None else []
     tables = []
     for j, table in enumerate(found.scenes):
-        if table.profiles is None:
-            tables.append(table)
-            continue
-        names = []
-        for entry in table.profiles:
-            names += _matches(entry, path, line_of(text, ("scenes", j, "profiles")))
-        names = list(dict.fromkeys([*names, *added]))
-        tables.append(table.model_copy(update={"profiles": names}))
+        if table.profiles is not None:
+            names = []
+            for i, entry in enumerate(table.profiles):
+                place = ("scenes", j, "profiles", i)
+                names += _matches(entry, path.parent, _where(path, text, place))
+            names = list(dict.fromkeys([*names, *added]))
+            table = table.model_copy(update={"profiles": names})
+        if table.draws is None and (count := _combinations(table)) > _MOST:
+            where = _where(path, text, ("scenes", j))
+            raise ValueError(f"{where}{count} combinations: at most {_MOST}, or give draws")
+        tables.append(table)
     if added and not any(table.profiles for table in tables):
         raise ValueError(f"{path}: no table of [[scenes]] has profiles for those of {folder}")
     return found.model_copy(update={"scenes": tables})
 
 
-def _matches(entry: str, path: Path, line: int) -> list[str]:
+def _files_of(folder: Path) -> list[str]:
+    """The profiles in a folder."""
+    if not folder.is_dir():
+        wrong = "is a file" if folder.exists() else "does not exist"
+        raise ValueError(f"{folder} {wrong}: name a folder of profiles, CSV files")
+    files = sorted(str(file.resolve()) for file in folder.glob("*.csv"))
+    if not files:
+        raise ValueError(f"no CSV file in {folder}: each profile is a file with height,radius")
+    for file in files:
+        _check_profile(file, "")
+    return files
+
+
+def _matches(entry: str, folder: Path, where: str) -> list[str]:
+    """The profiles that an entry names."""
     if entry in PROFILES:
         return [entry]
     place = Path(entry)
-    base = Path(place.anchor) if place.is_absolute() else path.parent
-    pattern = str(place.relative_to(place.anchor))
-    files = sorted(str(file.resolve()) for file in base.glob(pattern) if file.is_file())
+    base = Path(place.anchor) if place.is_absolute() else folder
+    try:
+        found = base.glob(str(place.relative_to(place.anchor)))
+        files = sorted(str(file.resolve()) for file in found if file.is_file())
+    except (IndexError, OSError, ValueError):  # raised for "", "**a" and what is no path
+        files = []
     if not files:
         raise ValueError(
-            f"{path}: line {line}: no profile {entry!r}: choose from {', '.join(PROFILES)}, or "
-            "name CSV files, as in pots/*.csv"
+            f"{where}no profile {entry!r}: choose from {', '.join(PROFILES)}, or name CSV files, "
+            "as in pots/*.csv"
         )
+    for file in files:
+        _check_profile(file, where)
     return files
+
+
+def _check_profile(file: str, where: str) -> None:
+    """Load a profile, so that what is none is refused before anything runs."""
+    try:
+        load_profile(file)
+    except csv.Error as error:
+        raise ValueError(f"{where}{file}: {error}") from None
+    except (OSError, ValueError) as error:  # these name the file
+        raise ValueError(f"{where}{error}") from None
+
+
+def _combinations(table: ScenesTable) -> int:
+    """How many scenes the lists of a table make, counted without making them."""
+    pieces = len(table.profiles or ()) + (_product(table.cylinders) if table.cylinders else 0)
+    squashes = math.prod(_product(squash) for squash in table.squash or ())
+    return pieces * squashes * _product(table.material) * len(table.units)
+
+
+def _product(table: Table) -> int:
+    return math.prod(len(value.entries) for _, value in table if isinstance(value, Values))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from jaxclay.compare.scenes import packaged_scenes
 from jaxclay.methods import METHODS
-from jaxclay.methods.choice import method_settings
+from jaxclay.sweep.lines import MistakeAt, Place
+from jaxclay.sweep.settings import checked_settings
 from jaxclay.sweep.values import Values, numbers, whole_numbers
 
 Kind = Literal["throughput", "timing"]
@@ -22,9 +23,14 @@ _ONE = Values((1.0,))
 
 
 class Table(BaseModel):
-    """A table of the file: no unknown keys, nothing changes once it is read."""
+    """A table of the file: no unknown keys, nothing changes once it is read.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    Types are strict, so that neither "1" nor true is a number; only an int may be a float.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True
+    )
 
 
 class CylinderTable(Table):
@@ -95,31 +101,40 @@ class ScenesTable(Table):
             raise ValueError("no scene: give names, or profiles or cylinders with a squash")
         elif self.squash is None:
             raise ValueError("pieces without a squash: give squash = { bottom, height, ratio }")
-        elif self.draws is None and (random := self._random_keys()):
-            raise ValueError(f"{', '.join(random)} must be drawn: say how many scenes with draws")
+        elif self.draws is None and (random := self._random_places()):
+            keys = ", ".join(dict.fromkeys(str(place[-1]) for place in random))
+            raise MistakeAt(random[0], f"{keys} must be drawn: say how many scenes with draws")
         return self
 
     def _check_names(self, names: list[str]) -> None:
         known = packaged_scenes()
-        for name in names:
+        for i, name in enumerate(names):
             if name not in known:
-                raise ValueError(f"unknown scene {name!r}: choose from {', '.join(known)}")
-        given = self.model_fields_set - {"names", "units"}
+                message = f"unknown scene {name!r}: choose from {', '.join(known)}"
+                raise MistakeAt(("names", i), message)
+        given = sorted(self.model_fields_set - {"names", "units"})
         if given:
-            raise ValueError(
-                f"{', '.join(sorted(given))} beside names, which are whole scenes: take a table "
-                "of [[scenes]] for each"
+            raise MistakeAt(
+                (given[0],),
+                f"{', '.join(given)} beside names, which are whole scenes: take a table of "
+                "[[scenes]] for each",
+            )
+        able = {units for name in names for units in known[name].units}
+        if able.isdisjoint(self.units):
+            raise MistakeAt(
+                ("units",), f"no scene: {', '.join(names)} can be run in {', '.join(sorted(able))}"
             )
 
-    def _random_keys(self) -> list[str]:
-        tables = [t for t in (self.cylinders, self.material, *(self.squash or ())) if t]
-        found = [
-            key
-            for table in tables
-            for key, value in table
+    def _random_places(self) -> list[Place]:
+        """Keys whose numbers have to be drawn, each by its place below this table."""
+        squashes = [(("squash", i), table) for i, table in enumerate(self.squash or ())]
+        tables = [(("cylinders",), self.cylinders), *squashes, (("material",), self.material)]
+        return [
+            (*place, key)
+            for place, table in tables
+            for key, value in table or ()
             if isinstance(value, Values) and value.random
         ]
-        return list(dict.fromkeys(found))
 
 
 class MethodTable(Table):
@@ -134,21 +149,30 @@ class MethodTable(Table):
     settings: dict[str, numbers(0.0)] = {}  # type: ignore[valid-type]
     stops: whole_numbers(1, 1_000_000) | None = None  # type: ignore[valid-type]
 
+    @field_validator("name")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if name not in METHODS:
+            raise ValueError(f"unknown method {name!r}: choose from {', '.join(METHODS)}")
+        return name
+
+    @field_validator("settings")
+    @classmethod
+    def _possible(cls, settings: dict[str, Values], info: ValidationInfo) -> dict[str, Values]:
+        name = info.data.get("name")  # none if it was refused
+        return checked_settings(name, settings) if name else settings
+
     @model_validator(mode="after")
     def _checked(self) -> MethodTable:
-        if self.name not in METHODS:
-            raise ValueError(f"unknown method {self.name!r}: choose from {', '.join(METHODS)}")
-        for setting, values in self.settings.items():
-            if values.random:
-                raise ValueError(f"{setting} cannot be drawn at random: give a list or a range")
-            for value in values.fixed():
-                method_settings(self.name, {setting: value})
         if self.stops and any(len(values.entries) > 1 for values in self.settings.values()):
-            raise ValueError("stops beside several settings: take a table of [[methods]] for each")
+            message = "beside several settings: take a table of [[methods]] for each"
+            raise MistakeAt(("stops",), message)
         if "spline" in self.schemes and self.name != "newton":
-            raise ValueError(f'{self.name} works to no tolerance: scheme "spline" takes newton')
+            message = f'{self.name} works to no tolerance: scheme "spline" takes newton'
+            raise MistakeAt(("schemes",), message)
         if "spline" in self.schemes and (self.settings or self.stops):
-            raise ValueError('scheme "spline" takes tolerances, no settings and no stops')
+            message = 'scheme "spline" takes tolerances, no settings and no stops'
+            raise MistakeAt(("settings" if self.settings else "stops",), message)
         return self
 
 
@@ -190,18 +214,23 @@ class Experiment(Table):
 
     @model_validator(mode="after")
     def _checked(self) -> Experiment:
-        splines = any("spline" in method.schemes for method in self.methods)
+        splines = [j for j, method in enumerate(self.methods) if "spline" in method.schemes]
+        stopped = [j for j, method in enumerate(self.methods) if method.stops]
         if splines and not self.tolerances.entries:
-            raise ValueError('scheme "spline" without tolerances: give tolerances = [1e-4]')
+            message = 'scheme "spline" without tolerances: give tolerances = [1e-4]'
+            raise MistakeAt(("methods", splines[0], "schemes"), message)
         if self.tolerances.entries and not splines:
-            raise ValueError('tolerances without a method of scheme "spline": nothing takes them')
+            message = 'without a method of scheme "spline": nothing takes them'
+            raise MistakeAt(("tolerances",), message)
         if self.tolerances.random:
-            raise ValueError("tolerances cannot be drawn at random: give a list or a range")
-        if self.kind == "throughput":
-            if "repeats" in self.model_fields_set:
-                raise ValueError('repeats belong to kind = "timing": throughput runs once')
-            if any(method.stops for method in self.methods):
-                raise ValueError('stops belong to kind = "timing", whose runs have a time each')
+            message = "cannot be drawn at random: give a list or a range"
+            raise MistakeAt(("tolerances",), message)
+        if self.kind == "throughput" and "repeats" in self.model_fields_set:
+            message = 'repeats belong to kind = "timing": throughput runs once'
+            raise MistakeAt(("repeats",), message)
+        if self.kind == "throughput" and stopped:
+            message = 'stops belong to kind = "timing", whose runs have a time each'
+            raise MistakeAt(("methods", stopped[0], "stops"), message)
         return self
 
 

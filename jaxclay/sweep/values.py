@@ -8,12 +8,14 @@
     { log_uniform = [1e-2, 10.0] }
 
 A list may hold any of the others.  Where a table of scenes has ``draws``, each scene takes one
-entry of every list at random, else all combinations are taken, and nothing can be drawn.
+entry of every list at random, else all combinations are taken, and nothing can be drawn.  Numbers
+are floats, so that 1 and 1.0 are the same, but for those that have to be whole.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Annotated, Any
 
 import numpy as np
@@ -24,6 +26,7 @@ _FORMS = (
     "{ uniform = [A, B] } or { log_uniform = [A, B] }"
 )  # fmt: skip
 _DRAWS = ("uniform", "log_uniform")
+_MOST = 10_000  # numbers of a range
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,15 +84,23 @@ def whole_numbers(low: int, high: int) -> Any:
     """The same for numbers that must be whole, as those of slices; nothing can be drawn."""
 
     def check(raw: Any) -> Values:
-        found = Values(tuple(_entries(raw)))
-        if found.random:
-            raise ValueError("cannot be drawn at random: give a number, a list or a range")
+        found = as_whole(Values(tuple(_entries(raw))), f" between {low} and {high}")
         for value in found.fixed():
-            if value != int(value) or not low <= value <= high:
+            if not low <= value <= high:
                 raise ValueError(f"{value:g} is not a whole number between {low} and {high}")
-        return Values(tuple(sorted({int(value) for value in found.fixed()})))
+        return Values(tuple(sorted({*found.fixed()})))
 
     return Annotated[Values, BeforeValidator(check)]
+
+
+def as_whole(values: Values, allowed: str = "") -> Values:
+    """The same numbers as ints; nothing can be drawn."""
+    if values.random:
+        raise ValueError("cannot be drawn at random: give a number, a list or a range")
+    for value in values.fixed():
+        if value != int(value):
+            raise ValueError(f"{value!r} is not a whole number{allowed}")
+    return Values(tuple(int(value) for value in values.fixed()))
 
 
 def _allowed(low: float, high: float, above: bool) -> str:
@@ -106,36 +117,50 @@ def _entries(raw: Any) -> list[float | Draw]:
         return [entry for one in raw for entry in _entries(one)]
     if isinstance(raw, dict):
         return _from_table(raw)
-    if isinstance(raw, bool) or not isinstance(raw, int | float) or not np.isfinite(raw):
+    value = _finite(raw)
+    if value is None:
         raise ValueError(f"{raw!r} is not a finite number: give {_FORMS}")
-    return [raw]
+    return [value]
+
+
+def _finite(raw: Any) -> float | None:
+    """The number as a float; None of what is none, or too large for a float."""
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        return None
+    try:
+        value = float(raw)
+    except OverflowError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def _from_table(raw: dict[str, Any]) -> list[float | Draw]:
     if len(raw) == 1 and next(iter(raw)) in _DRAWS:
         ((kind, ends),) = raw.items()
-        if not _pair(ends) or ends[0] >= ends[1] or (kind == "log_uniform" and ends[0] <= 0):
+        pair = _pair(ends) if isinstance(ends, list) else None
+        if pair is None or pair[0] >= pair[1] or (kind == "log_uniform" and pair[0] <= 0):
             positive = ", both positive" if kind == "log_uniform" else ""
             raise ValueError(f"{kind} takes two numbers that rise{positive}, not {ends!r}")
-        return [Draw(float(ends[0]), float(ends[1]), kind == "log_uniform")]
+        return [Draw(*pair, kind == "log_uniform")]
     if not {"from", "to", "count"} <= set(raw) <= {"from", "to", "count", "spacing"}:
         raise ValueError(f"a table with the keys {', '.join(raw) or 'none'}: give {_FORMS}")
-    low, high, count = raw["from"], raw["to"], raw["count"]
+    ends, count = [raw["from"], raw["to"]], raw["count"]
     spacing = raw.get("spacing", "linear")
     if spacing not in ("linear", "log"):
         raise ValueError(f'spacing must be "linear" or "log", not {spacing!r}')
-    if not isinstance(count, int) or isinstance(count, bool) or count < 1:
-        raise ValueError(f"count must be a whole number of at least 1, not {count!r}")
-    if not _pair([low, high]) or low > high or (spacing == "log" and low <= 0):
+    if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= _MOST:
+        raise ValueError(
+            f"count must be a whole number of at least 1, at most {_MOST}, not {count!r}"
+        )
+    pair = _pair(ends)
+    if pair is None or pair[0] > pair[1] or (spacing == "log" and pair[0] <= 0):
         positive = ", both positive" if spacing == "log" else ""
-        raise ValueError(f"from and to must be numbers that rise{positive}: {low!r} and {high!r}")
+        raise ValueError(f"from and to must be numbers that rise{positive}, not {ends!r}")
     between = np.geomspace if spacing == "log" else np.linspace
-    return [float(value) for value in between(low, high, count)]
+    return [float(value) for value in between(*pair, count)]
 
 
-def _pair(ends: Any) -> bool:
-    """Whether these are two finite numbers."""
-    numeric = isinstance(ends, list) and all(
-        isinstance(end, int | float) and not isinstance(end, bool) for end in ends
-    )
-    return numeric and len(ends) == 2 and bool(np.isfinite(ends).all())
+def _pair(ends: list[Any]) -> tuple[float, float] | None:
+    """The ends of a range, None where they are not two finite numbers."""
+    found = [value for end in ends if (value := _finite(end)) is not None]
+    return (found[0], found[1]) if len(found) == len(ends) == 2 else None
