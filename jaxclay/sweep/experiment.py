@@ -58,7 +58,10 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
         found = Experiment.model_validate(raw)
     except ValidationError as error:
         raise ValueError("\n".join(_explained(path, text, error))) from None
-    return _with_files(found, path, text, profiles)
+    try:
+        return _with_files(found, path, profiles)
+    except MistakeAt as error:
+        raise ValueError(f"{_where(path, text, error.place)}{error}") from None
 
 
 def _explained(path: Path, text: str, error: ValidationError):
@@ -88,7 +91,7 @@ def _keys(place: Place) -> list[str]:
     return list((TABLES[names[-1]] if names else Experiment).model_fields)
 
 
-def _with_files(found: Experiment, path: Path, text: str, folder) -> Experiment:
+def _with_files(found: Experiment, path: Path, folder: str | Path | None) -> Experiment:
     """The experiment with every profile a packaged name or the path of one file."""
     added = _files_of(Path(folder)) if folder is not None else []
     tables = []
@@ -96,13 +99,12 @@ def _with_files(found: Experiment, path: Path, text: str, folder) -> Experiment:
         if table.profiles is not None:
             names = []
             for i, entry in enumerate(table.profiles):
-                place = ("scenes", j, "profiles", i)
-                names += _matches(entry, path.parent, _where(path, text, place))
+                names += _matches(entry, path.parent, ("scenes", j, "profiles", i))
             names = list(dict.fromkeys([*names, *added]))
             table = table.model_copy(update={"profiles": names})
         if table.draws is None and (count := _combinations(table)) > _MOST:
-            where = _where(path, text, ("scenes", j))
-            raise ValueError(f"{where}{count} combinations: at most {_MOST}, or give draws")
+            message = f"{count} combinations: at most {_MOST}, or give draws"
+            raise MistakeAt(("scenes", j), message)
         tables.append(table)
     if added and not any(table.profiles for table in tables):
         raise ValueError(f"{path}: no table of [[scenes]] has profiles for those of {folder}")
@@ -118,39 +120,43 @@ def _files_of(folder: Path) -> list[str]:
     if not files:
         raise ValueError(f"no CSV file in {folder}: each profile is a file with height,radius")
     for file in files:
-        _check_profile(file, "")
+        _check_profile(file)
     return files
 
 
-def _matches(entry: str, folder: Path, where: str) -> list[str]:
-    """The profiles that an entry names."""
+def _matches(entry: str, folder: Path, place: Place) -> list[str]:
+    """The profiles that an entry, at a place of the file, names."""
     if entry in PROFILES:
         return [entry]
-    place = Path(entry)
-    base = Path(place.anchor) if place.is_absolute() else folder
+    pattern = Path(entry)
+    base = Path(pattern.anchor) if pattern.is_absolute() else folder
     try:
-        found = base.glob(str(place.relative_to(place.anchor)))
+        found = base.glob(str(pattern.relative_to(pattern.anchor)))
         files = sorted(str(file.resolve()) for file in found if file.is_file())
     except (IndexError, OSError, ValueError):  # raised for "", "**a" and what is no path
         files = []
     if not files:
-        raise ValueError(
-            f"{where}no profile {entry!r}: choose from {', '.join(PROFILES)}, or name CSV files, "
-            "as in pots/*.csv"
+        raise MistakeAt(
+            place,
+            f"no profile {entry!r}: choose from {', '.join(PROFILES)}, or name CSV files, as in "
+            "pots/*.csv",
         )
-    for file in files:
-        _check_profile(file, where)
+    try:
+        for file in files:
+            _check_profile(file)
+    except ValueError as error:
+        raise MistakeAt(place, str(error)) from None
     return files
 
 
-def _check_profile(file: str, where: str) -> None:
+def _check_profile(file: str) -> None:
     """Load a profile, so that what is none is refused before anything runs."""
     try:
         load_profile(file)
     except csv.Error as error:
-        raise ValueError(f"{where}{file}: {error}") from None
-    except (OSError, ValueError) as error:  # these name the file
-        raise ValueError(f"{where}{error}") from None
+        raise ValueError(f"{file}: {error}") from None
+    except OSError as error:
+        raise ValueError(str(error)) from None
 
 
 def _combinations(table: ScenesTable) -> int:
