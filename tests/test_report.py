@@ -1,6 +1,7 @@
 """What a sweep's report says, against figures computed another way."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -9,16 +10,14 @@ pd = pytest.importorskip("pandas")
 pytest.importorskip("pydantic")
 pytest.importorskip("matplotlib").use("Agg")
 
+import matplotlib.pyplot as plt  # noqa: E402
+import pyarrow.compute as pc  # noqa: E402
+import pyarrow.parquet as pq  # noqa: E402
+
 from jaxclay.cli import main  # noqa: E402
-from jaxclay.compare import load, sweep  # noqa: E402
-from jaxclay.sweep.charts import prepared  # noqa: E402
-from jaxclay.sweep.statistics import (  # noqa: E402
-    exponent,
-    ladder,
-    performance_profile,
-    shifted_geometric_mean,
-    times_to_solve,
-)
+from jaxclay.compare import load, load_curves, sweep  # noqa: E402
+from jaxclay.sweep import report  # noqa: E402
+from jaxclay.sweep.charts import prepared, timing_charts  # noqa: E402
 
 SCENES = """
 [[scenes]]
@@ -53,7 +52,26 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(folder):
+    return html(folder)
+
+
+@pytest.fixture
+def copy(folder, tmp_path):
+    """The results alone in another folder."""
+    shutil.copytree(folder / "results", tmp_path / "results")
+    return tmp_path
+
+
+def html(folder):
     return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def medians(page):
+    """The first table of medians on the page."""
+    head, *lines = re.search(r"<table><tr>(<th class=l>units.*?)</table>", page)[1].split("<tr>")
+    names = re.findall(r"<th class=l>(.*?)</th>", head)
+    cells = [re.findall(r"<td class=l>(.*?)</td>", line) for line in lines]
+    return pd.DataFrame(cells, columns=names).set_index(["slices", "method"])
 
 
 def test_the_page_needs_no_network_and_has_a_picture_beside_each_chart(folder, page):
@@ -93,15 +111,66 @@ def test_medians_are_those_of_the_table(folder, page):
         (table.kind == "timing") & (table.slices == 8) & (table.method == "greedy-refined")
     ]
     rows = rows[rows.status != "skipped"]
-    head, *lines = re.search(r"<table><tr>(<th class=l>units.*?)</table>", page)[1].split("<tr>")
-    names = re.findall(r"<th class=l>(.*?)</th>", head)
-    cells = [re.findall(r"<td class=l>(.*?)</td>", line) for line in lines]
-    shown = pd.DataFrame(cells, columns=names).set_index(["slices", "method"])
+    shown = medians(page)
     line = shown.loc[("8", "greedy-refined")]
     assert float(line["gap / E_free"]) == pytest.approx(rows.gap_relative.median(), rel=0.06)
     assert float(line["median ms"]) == pytest.approx(rows.solve_s.median() * 1e3, rel=0.01)
     assert "newton for greedy, greedy-refined" in page
-    assert "uncertified" not in names  # nothing to say there
+    assert "uncertified" not in shown  # nothing to say there
+
+
+def test_times_of_each_machine_and_version_are_apart(copy, monkeypatch):
+    table = load(copy)
+    table["host"] = np.where(table.radius < 0.5, "cave", "attic & loft")
+    table["jax"] = np.where(table.radius < 0.5, "1.0", "2.0")
+    monkeypatch.setattr(report, "table", lambda folder: table)
+    names = {path.name for path in report.write(copy)}
+    assert {"timing-1-scaling.png", "timing-2-scaling.png", "throughput-errors.png"} <= names
+    _, first, second, *rest = re.split("<h2>(?=Ti|Th|W)", html(copy))
+    assert first.startswith("Timing on attic &amp; loft with jax 2.0<")
+    assert second.startswith("Timing on cave with jax 1.0<")
+    assert [part.split("<")[0] for part in rest] == ["Throughput", "What ran on what"]
+    rows = table[(table.kind == "timing") & (table.slices == 16) & (table.host == "cave")]
+    rows = rows[rows.method == "greedy-refined"]
+    line = medians(second).loc[("16", "greedy-refined")]
+    assert line["tasks"] == str(len(rows))
+    assert float(line["median ms"]) == pytest.approx(rows.solve_s.median() * 1e3, rel=0.01)
+
+
+def test_experiments_that_are_pooled_are_named(copy):
+    report.write(copy)
+    assert "experiment" not in html(copy)
+    (copy / "experiments").mkdir()
+    for names in (["first-12ab"], ["first-12ab", "second-34cd"]):
+        (copy / "experiments" / f"{names[-1]}.toml").touch()
+        report.write(copy)
+        summary, _, ran = html(copy).partition("<h2>What ran on what</h2>")
+        assert ", ".join(names) in ran
+        pooled = "2 experiments are pooled here: first-12ab, second-34cd" in summary
+        assert pooled == (len(names) > 1)
+
+
+def test_types_do_not_depend_on_what_was_skipped(folder, copy):
+    for path in (copy / "results").iterdir():
+        pq.write_table(pq.read_table(path).filter(pc.field("status") != "skipped"), path)
+    whole, tried = load(folder), load(copy)
+    assert len(tried) < len(whole)
+    assert (whole.dtypes == tried.dtypes).all()
+    kinds = whole[["iterations", "unknowns", "floored", "positive"]].dtypes
+    assert [*map(str, kinds)] == ["Int64", "Int64", "boolean", "boolean"]
+
+
+def test_no_profile_of_a_method_alone(folder):
+    rows = prepared(load(folder))
+    rows = rows[rows.kind == "timing"]
+    spline = rows.series == "greedy"
+    alone = rows.assign(
+        scheme=rows.scheme.mask(spline, "spline"), series=rows.series.mask(spline, "spline")
+    )
+    traces = load_curves(folder)
+    assert "profile" in [name for name, *_ in timing_charts(rows, traces)]
+    assert "profile" not in [name for name, *_ in timing_charts(alone, traces)]
+    plt.close("all")
 
 
 def test_where_no_minimum_is_certified_the_row_says_so(folder, monkeypatch, tmp_path):
@@ -119,7 +188,7 @@ def test_where_no_minimum_is_certified_the_row_says_so(folder, monkeypatch, tmp_
     assert set(table.reference) == {"none certified"}
     assert table[["gap", "gap_relative", "contour_error", "energy_minimum"]].isna().all(axis=None)
     assert main(["report", str(tmp_path / "out")]) == 0
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = html(tmp_path / "out")
     assert "<td class=l>none certified</td>" in page
     assert not (tmp_path / "out" / "throughput-errors.png").exists()
 
@@ -128,43 +197,3 @@ def test_problems_are_scenes_on_a_grid(folder):
     rows = prepared(load(folder))
     timing = rows[rows.kind == "timing"]
     assert timing.problem.nunique() == 2 * timing.recipe.nunique() == 12
-
-
-def test_performance_profiles_count_what_nobody_solves():
-    times = pd.DataFrame({"a": [1.0, 4.0, np.nan, np.nan], "b": [2.0, 1.0, 3.0, np.nan]})
-    profile = performance_profile(times)
-    for name, wanted in {"a": {1: 0.25, 3.9: 0.25, 4: 0.5}, "b": {1: 0.5, 2: 0.75}}.items():
-        factors, shares = profile[name]
-        for factor, share in wanted.items():
-            assert shares[np.searchsorted(factors, factor, side="right") - 1] == share
-
-
-def test_times_to_solve_are_of_the_quickest_setting_that_is_good_enough():
-    rows = pd.DataFrame(
-        [
-            ("p", "newton", 1.0, 1e-2),
-            ("p", "newton", 2.0, 1e-6),
-            ("p", "newton", 3.0, -1e-7),
-            ("q", "newton", 1.0, 1.0),
-        ],
-        columns=["problem", "series", "solve_s", "gap_relative"],
-    )
-    found = times_to_solve(rows, "gap_relative", 1e-5, "problem")
-    assert found.loc["p", "newton"] == 2.0
-    assert np.isnan(found.loc["q", "newton"])
-
-
-def test_exponents_and_shifted_means():
-    slices = np.array([16, 32, 64, 128])
-    assert exponent(slices, 3e-5 * slices**1.7) == pytest.approx(1.7)
-    assert np.isnan(exponent([64, 64], [1.0, 2.0]))
-    times = [0.0, 1e-3, 1.0]
-    product = (1e-3 * 2e-3 * 1.001) ** (1 / 3) - 1e-3
-    assert shifted_geometric_mean([*times, np.nan], 1e-3) == pytest.approx(product)
-
-
-def test_a_ladders_band_holds_the_middle_of_the_scenes():
-    errors = np.linspace(0, 1, 101)
-    rows = pd.DataFrame({"settings": "loose", "solve_s": 0.5, "gap_relative": -errors})
-    rungs = ladder(rows, "gap_relative", ["settings"])
-    assert (rungs.low[0], rungs.median[0], rungs.high[0]) == pytest.approx((0.1, 0.5, 0.9))

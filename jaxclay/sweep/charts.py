@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from jaxclay.compare.results import groups, select
 from jaxclay.sweep import panels
-from jaxclay.sweep.panels import CONTOUR, ERRORS, GAP
+from jaxclay.sweep.panels import CONTOUR, ERRORS, GAP, ROUNDING
 from jaxclay.sweep.statistics import HIGH, LOW, times_to_solve
 
 Chart = tuple[str, str, Figure]
@@ -48,7 +48,7 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "work-precision" + ("-contour" if error == CONTOUR else ""),
             f"Work and precision: {ERRORS[error]} against time. A point is "
             + ("a setting of the method" if error == GAP else "a number of slices or a tolerance")
-            + f", at the medians over the scenes; the band holds {_BAND} of them. Down and left is "
+            + f", at the medians over the scenes; the bar holds {_BAND} of them. Down and left is "
             f"better. {left_out}",
             _panels(known, _GRIDS if error == GAP else ["units"], panels.work_precision(error)),
         )
@@ -61,7 +61,8 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "energies are above that minimum, over E_free.",
             _panels(traced, _GRIDS, panels.energy),
         )
-    if rows.series.nunique() > 1 and _goals(rows):
+    goals = _goals(timed)
+    if goals:
         yield (
             "profile",
             "Performance profiles (Dolan and More): the share of problems, which are scenes on a "
@@ -69,7 +70,7 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "quickest setting that reaches the goal; for contours a problem is a scene, on "
             "whatever grid. Up and left is better. Problems without a certified minimum count as "
             "solved by none.",
-            _profiles(timed),
+            _profiles(goals),
         )
     grids = select(timed, timed.scheme == "paper")
     if grids.slices.nunique() > 1:
@@ -87,8 +88,8 @@ def throughput_charts(rows: pd.DataFrame) -> Iterator[Chart]:
     for error, known, left_out in _measured(rows):
         yield (
             "errors" + ("-contour" if error == CONTOUR else ""),
-            f"The share of tasks whose {ERRORS[error]} is below a bound. Up and left is better. "
-            f"{left_out}",
+            f"The share of tasks whose {ERRORS[error]} is below a bound, those below "
+            f"{ROUNDING:g} drawn there. Up and left is better. {left_out}",
             _panels(known, _GRIDS, panels.distribution(error)),
         )
 
@@ -96,8 +97,7 @@ def throughput_charts(rows: pd.DataFrame) -> Iterator[Chart]:
 def _measured(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str]]:
     """Each kind of error, the rows that have it, and in words how many have not."""
     for error in ERRORS:
-        # Splines minimise the integral, not the sum: their energies are not comparable.
-        those = select(rows, rows.scheme == "paper") if error == GAP else rows
+        those = _comparable(rows, error)
         known = select(those, those[error].notna())
         if len(known):
             left = len(those) - len(known)
@@ -130,21 +130,30 @@ def _panels(rows: pd.DataFrame, by: list[str], draw: Callable[..., None]) -> Fig
     return figure
 
 
-def _profiles(rows: pd.DataFrame) -> Figure:
-    """A panel for each goal that can be judged."""
-    goals = _goals(rows)
+def _profiles(goals: list[tuple[str, pd.DataFrame]]) -> Figure:
+    """A panel for each goal, given its title and the times to it."""
     figure, axes = _grid(len(goals), min(2, len(goals)), 4.8, 3.7)
-    for ax, (error, within, problem, title) in zip(axes.flat, goals, strict=False):
-        who = rows if error == CONTOUR else select(rows, rows.scheme == "paper")
-        panels.profile(ax, times_to_solve(who, error, within, problem))
+    for ax, (title, seconds) in zip(axes.flat, goals, strict=False):
+        panels.profile(ax, seconds)
         ax.set_title(title, fontsize=10)
         ax.grid(True, alpha=0.3)
     _legend(figure, axes)
     return figure
 
 
-def _goals(rows: pd.DataFrame) -> list[tuple[str, float, str, str]]:
-    return [goal for goal in _GOALS if len(select(rows, rows[goal[0]].notna()))]
+def _goals(rows: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """The goals that two methods or more can be judged by: title, and times to reach it."""
+    found = []
+    for error, within, problem, title in _GOALS:
+        those = _comparable(rows, error)
+        if select(those, those[error].notna()).series.nunique() > 1:
+            found.append((title, times_to_solve(those, error, within, problem)))
+    return found
+
+
+def _comparable(rows: pd.DataFrame, error: str) -> pd.DataFrame:
+    """Splines minimise the integral, not the sum: their energies are compared with none."""
+    return select(rows, rows.scheme == "paper") if error == GAP else rows
 
 
 def _grid(count: int, columns: int, width: float, height: float) -> tuple[Figure, np.ndarray]:

@@ -14,6 +14,13 @@ import xarray as xr
 from jaxclay.sweep.columns import COLUMNS, CURVES
 from jaxclay.sweep.store import parts, read_part
 
+# Missing where a task was skipped; of one type all the same, whether or not there is such a task.
+_MAY_MISS = {
+    "iterations": "Int64",
+    "unknowns": "Int64",
+    "floored": "boolean",
+    "positive": "boolean",
+}
 _LABELS = ("key", "kind", "scene", "number", "units", "scheme", "slices", "tolerance", "method",
            "settings")  # fmt: skip
 
@@ -33,6 +40,7 @@ def table(folder: str | Path) -> pd.DataFrame:
         "key",
     ]
     found = whole.drop_duplicates(subset="key").sort_values(order, ignore_index=True)
+    found = found.astype(_MAY_MISS)
     found.attrs["units"] = {name: text for name, (_, text) in COLUMNS.items()}
     return found
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.axis import Axis
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from jaxclay.compare.charts import style
 from jaxclay.compare.results import groups
@@ -25,8 +26,11 @@ from jaxclay.sweep.statistics import (
 GAP, CONTOUR = "gap_relative", "contour_error_continuum"
 ERRORS = {GAP: "energy gap / E_free", CONTOUR: "contour error / l, from the continuum's"}
 _TIME = "solve time (ms), compiling apart"
-_ROUNDING = 1e-16  # errors below it are drawn there
-_FEW_DECADES = 150.0  # ratio of an axis's ends up to which 2 and 5 are marked too
+ROUNDING = 1e-16  # errors below it are drawn there
+_FEWEST, _MOST = 3, 6  # marks on an axis
+_STEPS = (1, 2, 5), (1, 3), (1,)  # of marks within a decade, the densest that are not too many
+_PLAIN = 1e-3, 1e4  # within which powers of ten are written out
+_ROOM = 1 / 9  # of an axis, for a number of slices
 Draw = Callable[[Axes, Any], None]
 
 
@@ -39,7 +43,7 @@ def series_style(series: str) -> dict:
 
 
 def work_precision(error: str) -> Draw:
-    """Errors against time: medians and bands, a rung for each setting or each size."""
+    """Errors against time: medians and bars, a rung for each setting or each size."""
     by = ["settings"] if error == GAP else ["slices", "tolerance"]
 
     def draw(ax: Axes, rows: pd.DataFrame) -> None:
@@ -48,14 +52,13 @@ def work_precision(error: str) -> Draw:
             rungs, look = ladder(kept, error, by), series_style(str(series))
             milliseconds = rungs.seconds * 1e3
             low, median, high = (
-                np.maximum(each, _ROUNDING) for each in (rungs.low, rungs.median, rungs.high)
+                np.maximum(each, ROUNDING) for each in (rungs.low, rungs.median, rungs.high)
             )
             ax.plot(milliseconds, median, **look)
-            if len(median) > 1:
-                ax.fill_between(milliseconds, low, high, color=look["color"], alpha=0.15, lw=0)
-            ax.vlines(milliseconds, low, high, color=look["color"], alpha=0.4, lw=1)
+            # Bars, no band: times may go back and forth from rung to rung.
+            ax.vlines(milliseconds, low, high, color=look["color"], alpha=0.4, lw=1.5)
         ax.set(xscale="log", yscale="log", xlabel=_TIME, ylabel=ERRORS[error])
-        even_ticks(ax)
+        even_ticks(ax.xaxis, ax.yaxis)
 
     return draw
 
@@ -67,14 +70,14 @@ def energy(ax: Axes, rows: pd.DataFrame) -> None:
     for series, part in groups(rows, "series"):
         look = series_style(str(series))
         seconds = np.stack([*part.trace_s]) * 1e3
-        gaps = np.maximum(np.stack([*part.trace_gap]), _ROUNDING)
+        gaps = np.maximum(np.stack([*part.trace_gap]), ROUNDING)
         for each, gap in zip(seconds, gaps, strict=True):
             ax.plot(each, gap, **(look | faint))
         # A run that has ended stays where it ended.
         middle = [pd.DataFrame(values).ffill(axis=1).median() for values in (seconds, gaps)]
         ax.plot(*middle, **(look | {"linewidth": 2.0, "markersize": 4}))
     ax.set(xscale="log", yscale="log", xlabel=_TIME, ylabel="(E - minimum) / E_free")
-    even_ticks(ax)
+    even_ticks(ax.xaxis, ax.yaxis)
 
 
 def profile(ax: Axes, seconds: pd.DataFrame) -> None:
@@ -86,35 +89,43 @@ def profile(ax: Axes, seconds: pd.DataFrame) -> None:
         ax.step(np.append(factors, most), np.append(shares, shares[-1]), where="post", **look)
     ax.set(xscale="log", xlim=(0.97, most), ylim=(-0.02, 1.04))
     ax.set(xlabel="time / time of the quickest", ylabel="share of problems solved")
-    even_ticks(ax)
+    even_ticks(ax.xaxis)
 
 
 def scaling(ax: Axes, rows: pd.DataFrame) -> None:
     """Time against slices, with the exponent of the line through the logarithms."""
-    exponents = []
+    ends = []
     for series, part in groups(rows, "series"):
         bands = part.groupby("slices").solve_s.quantile([LOW, 0.5, HIGH]).unstack() * 1e3
         look = series_style(str(series))
         ax.plot(bands.index, bands[0.5], **look)
         ax.fill_between(bands.index, bands[LOW], bands[HIGH], color=look["color"], alpha=0.15, lw=0)
-        exponents.append((bands[0.5].iloc[-1], exponent(part.slices, part.solve_s), look["color"]))
-    grids = sorted(rows.slices.unique())
+        if len(bands) > 1:
+            power = exponent(part.slices, part.solve_s)
+            ends.append((bands.index[-1], bands[0.5].iloc[-1], power, look["color"]))
     ax.set(xscale="log", yscale="log", xlabel="slices n", ylabel=_TIME)
+    first, last = rows.slices.min(), rows.slices.max()
+    span = max(2.0, last / first)
+    ax.set_xlim(first / span**0.05, last * span**0.18)  # room for the exponents
+    grids = [first]
+    for n in sorted(rows.slices.unique()):
+        if n / grids[-1] >= span**_ROOM:
+            grids.append(n)
     ax.set_xticks(grids, [str(n) for n in grids])
     ax.xaxis.set_minor_locator(NullLocator())
-    ax.set_xlim(grids[0] / 1.1, grids[-1] * 1.45)
-    _label_ends(ax, grids[-1], exponents)
+    even_ticks(ax.yaxis)
+    _label_ends(ax, ends)
 
 
-def _label_ends(ax: Axes, x: float, exponents: list[tuple[float, float, str]]) -> None:
+def _label_ends(ax: Axes, ends: list[tuple[float, float, float, str]]) -> None:
     """The exponents beside the ends of their lines, moved apart where they would touch."""
     figure: Any = ax.figure
     figure.draw_without_rendering()
-    least, last = 13.0, -np.inf  # points
-    for y, power, colour in sorted(exponents):
+    least, lower = 13.0, {}  # points, and the height of the label below at each x
+    for x, y, power, colour in sorted(ends):
         here = ax.transData.transform((x, y))[1] * 72 / figure.dpi
-        up = max(0.0, last + least - here)
-        last = here + up
+        up = max(0.0, lower.get(x, -np.inf) + least - here)
+        lower[x] = here + up
         ax.annotate(f"$n^{{{power:.2f}}}$", (x, y), textcoords="offset points", xytext=(6, up),
                     color=colour, fontsize=9, va="center")  # fmt: skip
 
@@ -124,20 +135,42 @@ def distribution(error: str) -> Draw:
 
     def draw(ax: Axes, rows: pd.DataFrame) -> None:
         for series, part in groups(rows, "series"):
-            values = np.maximum(np.sort(part[error].abs()), _ROUNDING)
+            values = np.maximum(np.sort(part[error].abs()), ROUNDING)
             shares = np.arange(1, len(values) + 1) / len(values)
             look = series_style(str(series)) | {"marker": None, "linewidth": 1.8}
             ax.step(values, shares, where="post", **look)
         ax.set(xscale="log", ylim=(-0.02, 1.04), xlabel=ERRORS[error], ylabel="share of tasks")
-        ax.xaxis.set_major_locator(LogLocator(numticks=7))
+        even_ticks(ax.xaxis)
 
     return draw
 
 
-def even_ticks(ax: Axes) -> None:
-    """Plain numbers on the axis across, few enough not to touch."""
-    low, high = ax.get_xlim()
-    subs = (1.0, 2.0, 5.0) if high / low < _FEW_DECADES else (1.0,)
-    ax.xaxis.set_major_locator(LogLocator(subs=subs, numticks=12))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_locator(NullLocator())
+def even_ticks(*axes: Axis) -> None:
+    """Numbers on logarithmic axes, few enough not to touch, whatever their range."""
+    for axis in axes:
+        marks = _marks(*axis.get_view_interval())
+        powers = np.log10(marks)
+        if np.allclose(powers, powers.round(), atol=1e-9) and not _plain(marks):
+            labels = [f"$10^{{{power:.0f}}}$" for power in powers]
+        else:
+            labels = [f"{mark:g}" for mark in marks]
+        axis.set_ticks(marks, labels)
+        axis.set_minor_locator(NullLocator())
+
+
+def _marks(low: float, high: float) -> np.ndarray:
+    """Round numbers from ``low`` to ``high``, even on a logarithmic axis."""
+    powers = np.arange(np.floor(np.log10(low)), np.log10(high))
+    stride = -(-len(powers) // _MOST)
+    candidates = [
+        *(np.outer(10.0**powers, steps).ravel() for steps in _STEPS),
+        10.0 ** powers[powers % stride == 0],
+        # So little of a decade is seen that its marks stand about evenly.
+        np.asarray(MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)),
+    ]
+    within = [marks[(low <= marks) & (marks <= high)] for marks in candidates]
+    return next((marks for marks in within if _FEWEST <= len(marks) <= _MOST), within[-1])
+
+
+def _plain(marks: np.ndarray) -> bool:
+    return bool(_PLAIN[0] <= marks[0] and marks[-1] <= _PLAIN[1])

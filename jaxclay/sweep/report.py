@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
@@ -17,12 +18,15 @@ from jaxclay.sweep.load import curves, table
 from jaxclay.sweep.statistics import HIGH, SHIFT, shifted_geometric_mean
 
 _KINDS = {
-    "timing": "Timing runs: one task at a time on one core, repeated, compiling apart.",
+    "timing": "Timing runs: one task at a time on one core, repeated, compiling apart, each "
+    "machine and each version of the solvers by itself.",
     "throughput": "Throughput runs: many tasks at once. Their seconds are shares of compiled calls "
     "beside which others ran, so that none are drawn here or compared with those of timing runs.",
 }
 _WHERE = ("host", "processor", "machine", "device", "dtype", "jaxclay", "jax", "jaxlib", "jaxopt",
           "optax", "numpy", "python")  # fmt: skip
+# What seconds depend on: where, and with which versions.
+_PLACE, _VERSIONS = ["host", "processor", "device"], ["jaxclay", "jax", "jaxlib"]
 _BY = ["units", "slices", "tolerance", "series", "settings"]
 
 
@@ -37,23 +41,43 @@ def write(folder: Path) -> list[Path]:
     everything = prepared(table(folder))
     traces = curves(folder)
     written: list[Path] = []
-    body = f"<p>{_summary(everything)}</p>"
-    for kind, explained in _KINDS.items():
-        rows = select(everything, everything.kind == kind)
-        if rows.empty:
-            continue
+    experiments = sorted(path.stem for path in (folder / "experiments").glob("*.toml"))
+    body = f"<p>{_summary(everything, experiments)}</p>"
+    for kind, heading, prefix, rows in _sections(everything):
         drawn = [
-            (f"{kind}-{name}", caption, figure)
+            (f"{prefix}-{name}", caption, figure)
             for name, caption, figure in _charts(kind, rows, traces)
         ]
         paths, figures = save_charts(drawn, folder)
         written += paths
-        body += f"<h2>{kind.capitalize()}</h2><p>{explained}</p>{figures}"
+        body += f"<h2>{escape(heading)}</h2><p>{_KINDS[kind]}</p>{figures}"
         body += f"<h3>Medians</h3>{_explanation(kind, rows)}"
         body += f"<div class='wide figures'>{_medians(rows, kind)}</div>"
         body += _failures(rows)
-    body += f"<h2>What ran on what</h2>{_what_ran(everything)}"
+    body += f"<h2>What ran on what</h2>{_what_ran(everything, experiments)}"
     return [*written, save_page("jaxclay sweep", body, folder)]
+
+
+def _sections(rows: pd.DataFrame) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
+    """Kind, heading, beginning of the charts' names and rows: times of each machine apart."""
+    for kind in _KINDS:
+        those = select(rows, rows.kind == kind)
+        if those.empty:
+            continue
+        parts = [part for _, part in groups(those, [*_PLACE, *_VERSIONS])]
+        if kind == "throughput" or len(parts) == 1:
+            yield kind, kind.capitalize(), kind, those
+            continue
+        for i, part in enumerate(parts, 1):
+            yield kind, f"{kind.capitalize()} {_apart(part, those)}", f"{kind}-{i}", part
+
+
+def _apart(part: pd.DataFrame, whole: pd.DataFrame) -> str:
+    """In words the machine and the versions that tell one part of the rows from others."""
+    places = [part[name].iloc[0] for name in _PLACE if len(set(whole[name])) > 1]
+    versions = [f"{name} {part[name].iloc[0]}" for name in _VERSIONS if len(set(whole[name])) > 1]
+    told = zip(("on", "with"), (places, versions), strict=True)
+    return " ".join(f"{word} {', '.join(names)}" for word, names in told if names)
 
 
 def _charts(kind: str, rows: pd.DataFrame, traces):
@@ -67,13 +91,18 @@ def _charts(kind: str, rows: pd.DataFrame, traces):
     yield from failure_charts(rows)
 
 
-def _summary(rows: pd.DataFrame) -> str:
+def _summary(rows: pd.DataFrame, experiments: list[str]) -> str:
     counts = rows.status.value_counts()
     listed = ", ".join(f"{count} {escape(str(status))}" for status, count in counts.items())
     missing = int((rows.energy_minimum.isna() & (rows.status != "skipped")).sum())
+    pooled = (
+        f" Results of {len(experiments)} experiments are pooled here: "
+        f"{escape(', '.join(experiments))}."
+    )
     return (
         f"{len(rows)} tasks on {rows.recipe.nunique()} scenes: {listed}. "
         f"{missing} answers have no certified minimum to be measured from."
+        f"{pooled if len(experiments) > 1 else ''}"
     )
 
 
@@ -130,7 +159,7 @@ def _figures(part: pd.DataFrame, timing: bool) -> list[str]:
         _median(tried.gap_relative) or "none certified",
         _median(tried.contour_error),
         _median(tried.contour_error_continuum),
-        number(tried.iterations.median(), ".0f", ""),
+        number(tried.iterations.astype(float).median(), ".0f", ""),
     ]
     if timing:
         times = tried.solve_s
@@ -164,8 +193,10 @@ def _failures(rows: pd.DataFrame) -> str:
     return f"<h3>Not certified</h3><div class=wide><table><tr>{head}</tr>{lines}</table></div>"
 
 
-def _what_ran(rows: pd.DataFrame) -> str:
-    """Machines and versions, with what each of them ran."""
+def _what_ran(rows: pd.DataFrame, experiments: list[str]) -> str:
+    """Experiments by name; machines and versions, with what each of them ran."""
+    files = escape(", ".join(experiments))
+    named = f"<p>Experiments, as kept in the folder experiments: {files}.</p>" if files else ""
     tables = []
     for values, part in groups(rows, [*_WHERE]):
         ran = groups(part, ["kind", "scheme", "method"])
@@ -181,4 +212,4 @@ def _what_ran(rows: pd.DataFrame) -> str:
         ]
         cells = "".join(f"<tr>{_cell(name)}{_cell(value)}</tr>" for name, value in lines)
         tables.append(f"<table>{cells}</table>")
-    return "<br>".join(tables)
+    return named + "<br>".join(tables)
