@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxclay.compare.results import groups, select
+from jaxclay.sweep.panels import even_ticks
 
 _MAP = colormaps["cividis"].resampled(10)  # light is solved; the same to colour-blind eyes
 _NEAR = 1e-4  # gap over E_free up to which an answer counts as one
@@ -27,9 +28,9 @@ def failure_charts(rows: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
     """Name, caption and figure of each map; the caller closes the figures."""
     yield (
         "failures",
-        "Failures, dark: the share of tasks that were solved, by method and scene. Solved is what "
-        f"the certificate accepts, or what lies within {_NEAR:g} of E_free of a certified minimum. "
-        "Numbers are tasks solved of those tried.",
+        "Failures, dark: the share of tasks that were solved, by method and scene, in the units of "
+        "alpha and beta named. Solved is what the certificate accepts, or what lies within "
+        f"{_NEAR:g} of E_free of a certified minimum. Numbers are tasks solved of those tried.",
         _by_scene(rows),
     )
     many = select(rows, (rows.squashes > 0) & (rows.mu > 0) & (rows.beta > 0))
@@ -44,41 +45,42 @@ def failure_charts(rows: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
 
 
 def _by_scene(rows: pd.DataFrame) -> Figure:
-    names = list(dict.fromkeys(rows.scene))
-    kept = rows
-    if len(names) > _MOST_SCENES:
-        kept = rows.assign(scene=rows.scene.where(rows.scene.isin(names[:_MOST_SCENES]), "others"))
-    column = kept.scene + "\n" + kept.units
-    columns, series = list(dict.fromkeys(column)), list(dict.fromkeys(rows.series))
+    """A line for each scene in its units, a column for each method."""
+    shown = [*dict.fromkeys(rows.scene)][:_MOST_SCENES]
+    place = rows.scene.where(rows.scene.isin(shown), "others") + ", " + rows.units
     cells: dict[tuple[str, str], pd.DataFrame] = {
         where: select(part, part.status != "skipped")
-        for where, part in groups(kept.assign(column=column), ["series", "column"])
+        for where, part in groups(rows.assign(place=place), ["place", "series"])
     }
-    share = np.full((len(series), len(columns)), np.nan)
-    for (who, where), tried in cells.items():
+    lines = sorted(set(place), key=lambda name: (name.startswith("others, "), name))
+    series = sorted(set(rows.series))
+    share = np.full((len(lines), len(series)), np.nan)
+    for (where, who), tried in cells.items():
         if len(tried):
-            share[series.index(who), columns.index(where)] = _solved(tried).mean()
+            share[lines.index(where), series.index(who)] = _solved(tried).mean()
     figure, ax = plt.subplots(
-        figsize=(max(6.0, 0.85 * len(columns) + 2.6), 0.5 * len(series) + 1.9),
-        layout="constrained",
+        figsize=(max(6.0, 1.05 * len(series) + 3.2), 0.29 * len(lines) + 1.5), layout="constrained"
     )
     image = _image(ax, share)
-    for (who, where), tried in cells.items():
-        y, x = series.index(who), columns.index(where)
+    for (where, who), tried in cells.items():
+        y, x = lines.index(where), series.index(who)
         text = f"{int(_solved(tried).sum())}/{len(tried)}" if len(tried) else "skipped"
-        ax.text(x, y, text, ha="center", va="center", fontsize=7,
+        ax.text(x, y, text, ha="center", va="center", fontsize=9,
                 color="white" if share[y, x] < 0.6 else "black")  # fmt: skip
-    ax.set_xticks(range(len(columns)), columns, fontsize=8)
-    ax.set_yticks(range(len(series)), series)
-    ax.set(xlabel="scene, and units of alpha and beta", ylabel="method")
-    figure.colorbar(image, ax=ax, label="share solved", shrink=0.9)
+    ax.set_xticks(range(len(series)), [who.replace("-", "-\n") for who in series], fontsize=9)
+    ax.set_yticks(range(len(lines)), lines, fontsize=9)
+    ax.xaxis.tick_top()
+    figure.colorbar(image, ax=ax, label="share solved", aspect=30)
     return figure
 
 
 def _by_material(rows: pd.DataFrame) -> Figure:
+    """A panel for each method, those of other units on lines of their own."""
     parts = list(groups(rows, ["units", "series"]))
-    columns = min(4, len(parts))
-    lines = -(-len(parts) // columns)
+    units, series = sorted(set(rows.units)), sorted(set(rows.series))
+    columns = min(4, len(series))
+    each = -(-len(series) // columns)
+    lines = each * len(units)
     figure, axes = plt.subplots(
         lines, columns, figsize=(max(3.0 * columns, 5.5), 2.9 * lines), layout="constrained",
         squeeze=False, sharex=True, sharey=True,
@@ -89,9 +91,12 @@ def _by_material(rows: pd.DataFrame) -> Figure:
         for name in ("mu", "beta")
     )
     image: Any = None
-    for ax in axes.flat[len(parts) :]:
+    for ax in axes.flat:
         ax.axis("off")
-    for ax, ((units, series), part) in zip(axes.flat, parts, strict=False):
+    for (unit, who), part in parts:
+        line, column = divmod(series.index(who), columns)
+        ax = axes[units.index(unit) * each + line, column]
+        ax.axis("on")
         tried = select(part, part.status != "skipped")
         where = [np.log(tried.mu / tried.k), np.log(tried.beta)]
         edges = [np.log(across), np.log(up)]
@@ -100,7 +105,9 @@ def _by_material(rows: pd.DataFrame) -> Figure:
         share = np.divide(good, count, out=np.full_like(good, np.nan), where=count >= _FEWEST)
         image = ax.pcolormesh(across, up, share.T, cmap=_MAP, vmin=0, vmax=1)
         ax.set(xscale="log", yscale="log", facecolor="#dddddd")
-        ax.set_title(f"{series}\n{units} units", fontsize=9)
+        even_ticks(ax.xaxis, ax.yaxis)
+        ax.tick_params(labelbottom=True)  # beside an empty place too
+        ax.set_title(f"{who}\n{unit} units", fontsize=9)
     figure.supxlabel("friction mu/k", fontsize=10)
     figure.supylabel("bending beta", fontsize=10)
     figure.colorbar(image, ax=axes, label="share solved", shrink=0.8)
