@@ -167,9 +167,11 @@ def _grid(count: int, columns: int, width: float, height: float) -> tuple[Figure
 
 def _legend(figure: Figure, axes: np.ndarray) -> None:
     shown = {str(h.get_label()): h for ax in axes.flat for h in ax.get_legend_handles_labels()[0]}
+    names = sorted(shown)  # whichever of them the first panel has
     figure.legend(
-        list(shown.values()), list(shown), loc="outside lower center", ncols=4, fontsize="small"
-    )
+        [shown[name] for name in names], names, loc="outside lower center", ncols=4,
+        fontsize="small",
+    )  # fmt: skip
 
 
 def _title(values: dict[str, Any]) -> str:

@@ -104,6 +104,7 @@ def _by_material(rows: pd.DataFrame) -> Figure:
         good, *_ = np.histogram2d(*where, bins=edges, weights=_solved(tried))
         share = np.divide(good, count, out=np.full_like(good, np.nan), where=count >= _FEWEST)
         image = ax.pcolormesh(across, up, share.T, cmap=_MAP, vmin=0, vmax=1)
+        image.set(edgecolor="face", linewidth=0.4)  # without it viewers of SVG show seams
         ax.set(xscale="log", yscale="log", facecolor="#dddddd")
         even_ticks(ax.xaxis, ax.yaxis)
         ax.tick_params(labelbottom=True)  # beside an empty place too

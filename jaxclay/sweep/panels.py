@@ -160,7 +160,7 @@ def even_ticks(*axes: Axis) -> None:
 
 def _marks(low: float, high: float) -> np.ndarray:
     """Round numbers from ``low`` to ``high``, even on a logarithmic axis."""
-    powers = np.arange(np.floor(np.log10(low)), np.log10(high))
+    powers = np.arange(np.floor(np.log10(low)), np.floor(np.log10(high)) + 1)
     stride = -(-len(powers) // _MOST)
     candidates = [
         *(np.outer(10.0**powers, steps).ravel() for steps in _STEPS),
