@@ -16,6 +16,7 @@ from sweeps import COUNT, TEXT  # noqa: E402
 from jaxclay.cli import main  # noqa: E402
 from jaxclay.compare import load, load_curves, sweep  # noqa: E402
 from jaxclay.sweep import engine, estimate, timing  # noqa: E402
+from jaxclay.sweep.batched import minimized  # noqa: E402
 from jaxclay.sweep.experiment import read_experiment  # noqa: E402
 from jaxclay.sweep.tasks import tasks  # noqa: E402
 
@@ -99,6 +100,23 @@ def test_timing_runs_alone_on_one_core_with_compiling_apart(tmp_path):
     falls = np.diff(greedy.trace_energy.values, axis=1)
     assert (falls[np.isfinite(falls)] <= 0).all()
     assert (greedy.trace_iterations.values[:, :2] == [1, 2]).all()
+
+
+@pytest.mark.parametrize(
+    ("method", "settings"),
+    [
+        ("newton", [{"max_iterations": 3}, {}, {"tolerance": 1e-4}]),
+        ("lattice", [{"max_iterations": 3}, {"labels": 5}, {}, {"labels": 5}]),
+    ],
+)
+def test_a_batch_has_settings_for_each(method, settings):
+    clay, squash = jaxclay.Clay.cylinder(slices=16), jaxclay.Squash(0.0, 0.3, 0.4)
+    problem = jaxclay.pose(clay, squash, jaxclay.Material.from_snake_units())
+    answers = minimized([problem] * len(settings), method, settings)
+    for answer, chosen in zip(answers, settings, strict=True):
+        alone = jaxclay.minimize(problem, method, **chosen)
+        assert float(answer.energy) == pytest.approx(float(alone.energy), rel=1e-12)
+        assert answer.iterations == alone.iterations
 
 
 def test_two_timing_runs_at_once_are_refused():

@@ -22,35 +22,41 @@ from jaxclay.minimize import Solution, minimize
 from jaxclay.problem import Problem
 
 CAPACITY = 256  # problems of one call
+_Shape = tuple[tuple[str, Any], ...]
 
 
 def minimized(
     problems: list[Problem], method: str, settings: list[dict[str, float]]
 ) -> list[Solution]:
     """The answers to problems on as many slices each, with the settings of each."""
-    chosen = [_as_dict(method_settings(method, one)) for one in settings]
-    answers: list[Solution] = []
-    for begin in range(0, len(problems), CAPACITY):
-        part = slice(begin, begin + CAPACITY)
-        answers += _solved(problems[part], method, chosen[part])
-    return answers
+    chosen = [_apart(method_settings(method, one)) for one in settings]
+    answers: dict[int, Solution] = {}
+    for shape in dict.fromkeys(shape for _, shape in chosen):
+        same = [i for i, (_, its) in enumerate(chosen) if its == shape]
+        for begin in range(0, len(same), CAPACITY):
+            part = same[begin : begin + CAPACITY]
+            pairs = [(problems[i], chosen[i][0]) for i in part]
+            answers.update(zip(part, _solved(pairs, method, shape), strict=True))
+    return [answers[i] for i in range(len(problems))]
 
 
-def _solved(problems: list[Problem], method: str, settings: list[dict]) -> list[Solution]:
+def _solved(pairs: list[tuple[Problem, dict]], method: str, shape: _Shape) -> Iterator[Solution]:
     with jax.enable_x64(True):
-        stacked = stack([*zip(problems, settings, strict=True)], CAPACITY)
-        found = _many.whole(*stacked, np.array(len(problems)), method=method)
-        found = jax.tree.map(np.asarray, found)
-    return list(unstack(found, len(problems)))
+        found = _many.whole(
+            *stack(pairs, CAPACITY), np.array(len(pairs)), method=method, shape=shape
+        )
+        return unstack(jax.tree.map(np.asarray, found), len(pairs))
 
 
-@compiled("method")
-def _many(problems: Problem, settings: Any, count: Array, *, method: str) -> Solution:
+@compiled("method", "shape")
+def _many(
+    problems: Problem, settings: Any, count: Array, *, method: str, shape: _Shape
+) -> Solution:
     """The first ``count`` answers."""
 
     def one(i):
         problem, chosen = jax.tree.map(lambda leaf: leaf[i], (problems, settings))
-        return minimize(problem, method, **chosen)
+        return minimize(problem, method, **chosen, **dict(shape))
 
     def put(i, found):
         return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))
@@ -74,7 +80,9 @@ def unstack(tree: Any, count: int) -> Iterator[Any]:
         yield jax.tree.unflatten(structure, [leaf[i] for leaf in leaves])
 
 
-def _as_dict(settings: Any) -> dict[str, float]:
-    return {
-        field.name: float(getattr(settings, field.name)) for field in dataclasses.fields(settings)
-    }
+def _apart(settings: Any) -> tuple[dict[str, float], _Shape]:
+    """Settings that are arguments of a compiled call, and those that it is compiled for."""
+    fields = dataclasses.fields(settings)
+    shape = tuple((f.name, getattr(settings, f.name)) for f in fields if f.metadata.get("static"))
+    fixed = dict(shape)
+    return {f.name: float(getattr(settings, f.name)) for f in fields if f.name not in fixed}, shape
