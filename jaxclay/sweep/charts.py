@@ -48,8 +48,8 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "work-precision" + ("-contour" if error == CONTOUR else ""),
             f"Work and precision: {ERRORS[error]} against time. A point is "
             + ("a setting of the method" if error == GAP else "a number of slices or a tolerance")
-            + f", at the medians over the scenes; the bar holds {_BAND} of them. Down and left is "
-            f"better. {left_out}",
+            + f", at the medians over the scenes; bars, and bands where times rise from point to "
+            f"point, hold {_BAND} of them. Down and left is better. {left_out}",
             _panels(known, _GRIDS if error == GAP else ["units"], panels.work_precision(error)),
         )
     traced = _traced(rows, traces)

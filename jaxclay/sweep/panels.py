@@ -43,7 +43,7 @@ def series_style(series: str) -> dict:
 
 
 def work_precision(error: str) -> Draw:
-    """Errors against time: medians and bars, a rung for each setting or each size."""
+    """Errors against time: medians and bands, a rung for each setting or each size."""
     by = ["settings"] if error == GAP else ["slices", "tolerance"]
 
     def draw(ax: Axes, rows: pd.DataFrame) -> None:
@@ -55,8 +55,9 @@ def work_precision(error: str) -> Draw:
                 np.maximum(each, ROUNDING) for each in (rungs.low, rungs.median, rungs.high)
             )
             ax.plot(milliseconds, median, **look)
-            # Bars, no band: times may go back and forth from rung to rung.
             ax.vlines(milliseconds, low, high, color=look["color"], alpha=0.4, lw=1.5)
+            if (np.diff(milliseconds) > 0).all():  # else the band would fold
+                ax.fill_between(milliseconds, low, high, color=look["color"], alpha=0.15, lw=0)
         ax.set(xscale="log", yscale="log", xlabel=_TIME, ylabel=ERRORS[error])
         even_ticks(ax.xaxis, ax.yaxis)
 
