@@ -39,7 +39,10 @@ def read_table(path: Path) -> tuple[dict[str, np.ndarray], list[Comment]]:
                 continue
             if not text:
                 continue
-            cells = [cell.strip() for cell in next(csv.reader([text]))]
+            try:
+                cells = [cell.strip() for cell in next(csv.reader([text]))]
+            except csv.Error as error:
+                raise ValueError(f"line {number} is no CSV: {error}") from None
             if header is None:
                 header = _checked_header(number, cells)
                 continue

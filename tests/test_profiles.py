@@ -248,3 +248,10 @@ def test_comments_of_other_programs_are_only_comments(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("# unit = cm\nname,height,radius\nfoot,0,1\nlip,2,1\n")
     assert jaxclay.load_profile(path, slices=8).unit == 2.0
+
+
+def test_a_file_that_is_no_csv_names_its_line(tmp_path):
+    path = tmp_path / "long.csv"
+    path.write_text("height,radius\n0,1\n1," + 200_000 * "1" + "\n")
+    with pytest.raises(ValueError, match=r"long\.csv: line 3 is no CSV"):
+        load_profile(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import tomllib
 from pathlib import Path
@@ -153,8 +152,6 @@ def _check_profile(file: str) -> None:
     """Load a profile, so that what is none is refused before anything runs."""
     try:
         load_profile(file)
-    except csv.Error as error:
-        raise ValueError(f"{file}: {error}") from None
     except OSError as error:
         raise ValueError(str(error)) from None
 

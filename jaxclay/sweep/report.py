@@ -16,6 +16,7 @@ from jaxclay.sweep.charts import prepared, throughput_charts, timing_charts
 from jaxclay.sweep.heat import failure_charts
 from jaxclay.sweep.load import curves, table
 from jaxclay.sweep.statistics import HIGH, SHIFT, shifted_geometric_mean
+from jaxclay.sweep.store import experiments
 
 _KINDS = {
     "timing": "Timing runs: one task at a time on one core, repeated, compiling apart, each "
@@ -41,8 +42,8 @@ def write(folder: Path) -> list[Path]:
     everything = prepared(table(folder))
     traces = curves(folder)
     written: list[Path] = []
-    experiments = sorted(path.stem for path in (folder / "experiments").glob("*.toml"))
-    body = f"<p>{_summary(everything, experiments)}</p>"
+    ran = experiments(folder)
+    body = f"<p>{_summary(everything, ran)}</p>"
     for kind, heading, prefix, rows in _sections(everything):
         drawn = [
             (f"{prefix}-{name}", caption, figure)
@@ -54,7 +55,7 @@ def write(folder: Path) -> list[Path]:
         body += f"<h3>Medians</h3>{_explanation(kind, rows)}"
         body += f"<div class='wide figures'>{_medians(rows, kind)}</div>"
         body += _failures(rows)
-    body += f"<h2>What ran on what</h2>{_what_ran(everything, experiments)}"
+    body += f"<h2>What ran on what</h2>{_what_ran(everything, ran)}"
     return [*written, save_page("jaxclay sweep", body, folder)]
 
 
@@ -91,18 +92,15 @@ def _charts(kind: str, rows: pd.DataFrame, traces):
     yield from failure_charts(rows)
 
 
-def _summary(rows: pd.DataFrame, experiments: list[str]) -> str:
+def _summary(rows: pd.DataFrame, names: list[str]) -> str:
     counts = rows.status.value_counts()
     listed = ", ".join(f"{count} {escape(str(status))}" for status, count in counts.items())
     missing = int((rows.energy_minimum.isna() & (rows.status != "skipped")).sum())
-    pooled = (
-        f" Results of {len(experiments)} experiments are pooled here: "
-        f"{escape(', '.join(experiments))}."
-    )
+    pooled = f" Results of {len(names)} experiments are pooled here: {escape(', '.join(names))}."
     return (
         f"{len(rows)} tasks on {rows.recipe.nunique()} scenes: {listed}. "
         f"{missing} answers have no certified minimum to be measured from."
-        f"{pooled if len(experiments) > 1 else ''}"
+        f"{pooled if len(names) > 1 else ''}"
     )
 
 
@@ -193,9 +191,9 @@ def _failures(rows: pd.DataFrame) -> str:
     return f"<h3>Not certified</h3><div class=wide><table><tr>{head}</tr>{lines}</table></div>"
 
 
-def _what_ran(rows: pd.DataFrame, experiments: list[str]) -> str:
+def _what_ran(rows: pd.DataFrame, names: list[str]) -> str:
     """Experiments by name; machines and versions, with what each of them ran."""
-    files = escape(", ".join(experiments))
+    files = escape(", ".join(names))
     named = f"<p>Experiments, as kept in the folder experiments: {files}.</p>" if files else ""
     tables = []
     for values, part in groups(rows, [*_WHERE]):
