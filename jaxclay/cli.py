@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import contextlib
 import os
 import signal
@@ -23,12 +24,16 @@ def entry() -> None:
     """The command ``jaxclay``: :func:`main`, and an end that no thread can spoil."""
     signal.signal(signal.SIGINT, _interrupt)
     code = main()
-    # XLA may still compile in another thread, and its threads and Arrow's, ended by the
-    # interpreter one before the other, abort a process in some of a hundred runs.
+    if _interrupts:  # XLA may still compile in another thread, which nothing ends
+        code = _INTERRUPTED
+    else:
+        atexit._run_exitfuncs()
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.flush()
         sys.stderr.flush()
-    os._exit(_INTERRUPTED if _interrupts else code)
+    # An end in good order aborts some of a hundred runs: XLA's and Arrow's threads outlive
+    # what they use.
+    os._exit(code)
 
 
 def main(arguments: list[str] | None = None) -> int:

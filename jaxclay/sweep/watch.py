@@ -42,8 +42,9 @@ class _Log(Watch):
             return
         self.last = now
         speed = max(self.done - self.first, 1) / (now - self.begin)
-        left = in_words((self.total - self.done) / speed)
-        print(f"{self.done} of {self.total} tasks, {rate(speed)}, {left} left", flush=True)
+        left = f"{in_words((self.total - self.done) / speed)} left"
+        end = left if self.done < self.total else "none left"
+        print(f"{self.done} of {self.total} tasks, {rate(speed)}, {end}", flush=True)
 
 
 @contextlib.contextmanager
