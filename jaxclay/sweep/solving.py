@@ -15,14 +15,7 @@ from jaxclay.compare.rows import Row
 from jaxclay.minimize import Solution, deform
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.sweep.batched import minimized
-from jaxclay.sweep.references import (
-    REFEREE,
-    certified_minima,
-    function_of,
-    posed,
-    referee,
-    true_minimum,
-)
+from jaxclay.sweep.references import certified_minima, function_of, posed, referee, true_minimum
 from jaxclay.sweep.tasks import Task
 from jaxclay.sweep.timing import Times, timed_function, timed_slices
 from jaxclay.sweep.where import where
@@ -96,7 +89,8 @@ def _timed(task: Task) -> Row:
 
 def _of_splines(task: Task, answer: Solution, times: Times) -> Row:
     truth = true_minimum(task.recipe, task.truth)
-    return _judged(task, answer, truth, f"{REFEREE} on splines to {task.truth:g}", times)
+    minimum, judge = truth or (None, _NONE)
+    return _judged(task, answer, minimum, judge, times)
 
 
 def _judged(
@@ -109,7 +103,7 @@ def _judged(
     return row | times._asdict() | {
         "reference": _NONE if minimum is None else judge,
         "energy_start": math.nan if task.scheme == "spline" else rows.start_energy(answer),
-        "contour_error_continuum": rows.distance(answer.clay, truth and truth.clay),
+        "contour_error_continuum": rows.distance(answer.clay, truth and truth.answer.clay),
         "error_estimate": math.nan if estimate is None else float(estimate),
         "contour_height": contour[0],
         "contour_radius": contour[1],
