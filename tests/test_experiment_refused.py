@@ -39,6 +39,7 @@ REFUSED = {
     (RADIUS, "radius = { uniform = [1, 2] }"): "line 5: scenes.cylinders.radius: .*must be drawn",
     (RADIUS + " }", RADIUS + " }\ndraws = 2.0"): "line 6: scenes.draws: .*integer, got 2.0",
     (RADIUS + " }", RADIUS + " }\nmaterial.mu = 1" + "0" * 400): "line 6: .*not a finite number",
+    ("bottom = 0.0", "bottom = [0, 1]"): "line 6: .*squash.bottom: 1 lies above the piece",
     (RATIO, "ratio = 0.8, depth = 1"): "line 6: .*depth: unknown key: .*bottom, height",
     (RATIO, "ratio = 0.8, top_fixed = 1"): "line 6: .*top_fixed: .*boolean, got 1",
     (RATIO, "ratio = 0"): "line 6: scenes.squash.ratio: 0 is out of range",

@@ -104,6 +104,9 @@ class ScenesTable(Table):
         elif self.draws is None and (random := self._random_places()):
             keys = ", ".join(dict.fromkeys(str(place[-1]) for place in random))
             raise MistakeAt(random[0], f"{keys} must be drawn: say how many scenes with draws")
+        elif (bottom := self.squash[0].bottom.highest) >= 1:
+            message = f"{bottom:g} lies above the piece: the first band must begin below 1"
+            raise MistakeAt(("squash", 0, "bottom"), message)
         return self
 
     def _check_names(self, names: list[str]) -> None:

@@ -55,6 +55,11 @@ class Values:
         """Whether some of them have to be drawn."""
         return any(isinstance(entry, Draw) for entry in self.entries)
 
+    @property
+    def highest(self) -> float:
+        """The largest that there is, or may be drawn."""
+        return max(entry.high if isinstance(entry, Draw) else entry for entry in self.entries)
+
     def fixed(self) -> list[float]:
         """The numbers, where none has to be drawn."""
         return [entry for entry in self.entries if not isinstance(entry, Draw)]
