@@ -1,3 +1,4 @@
+import contextlib
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,15 @@ def bottles() -> list[Path]:
     if not files:
         pytest.skip("the bottle profiles are not beside this checkout (../shared/profiles)")
     return files
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_lock(tmp_path_factory):
+    """Other timing runs on the machine, such as those of other tests, do not stop these."""
+    with pytest.MonkeyPatch.context() as patch:
+        with contextlib.suppress(ImportError):
+            patch.setattr("jaxclay.sweep.timing._LOCKS", tmp_path_factory.mktemp("locks"))
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

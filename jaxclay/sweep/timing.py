@@ -23,6 +23,7 @@ from jaxclay.scm import rough_shape
 from jaxclay.sweep.tasks import Task
 
 _NONE = np.zeros(0)
+_LOCKS = Path(tempfile.gettempdir())
 
 
 class Times(NamedTuple):
@@ -105,8 +106,7 @@ def alone() -> Iterator[None]:
     except ImportError:  # on Windows nobody is kept off
         yield
         return
-    path = Path(tempfile.gettempdir()) / f"jaxclay-timing-{os.getuid()}.lock"
-    with path.open("a") as file:
+    with (_LOCKS / f"jaxclay-timing-{os.getuid()}.lock").open("a") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
