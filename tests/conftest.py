@@ -2,7 +2,7 @@ import contextlib
 from pathlib import Path
 
 import pytest
-from sweeps import compiled_once, experiment, whole  # noqa: F401 (fixtures)
+from sweeps import compiled_once, experiment, read, whole  # noqa: F401 (fixtures)
 
 from jaxclay._host import let_go
 

@@ -10,7 +10,7 @@ import pytest
 from jaxclay.cli import main
 from jaxclay.compare import load
 
-TEXT = """\
+GREEDY = """\
 kind = "throughput"
 slices = 8
 
@@ -20,10 +20,8 @@ squash = { bottom = 0.0, height = [0.4, 0.5], ratio = [0.8, 0.9] }
 
 [[methods]]
 name = "greedy"
-
-[[methods]]
-name = "greedy-refined"
 """
+TEXT = GREEDY + '[[methods]]\nname = "greedy-refined"\n'
 COUNT = 24
 # Two tasks a file, so that there are many moments between two of them.
 COMMAND = (
@@ -56,6 +54,20 @@ def whole(experiment, tmp_path_factory):
     out = tmp_path_factory.mktemp("whole")
     assert main(["sweep", str(experiment), "--out", str(out), "--quiet"]) == 0
     return out
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Reads an experiment from its text."""
+
+    def from_text(text, **more):
+        path = tmp_path / "one.toml"
+        path.write_text(text)
+        from jaxclay.sweep.experiment import read_experiment  # of an extra
+
+        return read_experiment(path, **more)
+
+    return from_text
 
 
 def start(experiment, out, *more):

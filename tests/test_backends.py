@@ -12,20 +12,13 @@ import pytest
 pytest.importorskip("pydantic")
 pytest.importorskip("distributed")
 
+from sweeps import GREEDY
+
 from jaxclay.compare import load, sweep
 from jaxclay.sweep import backends, engine, estimate
 from jaxclay.sweep.experiment import read_experiment
 from jaxclay.sweep.tasks import identity
 
-TEXT = """\
-kind = "throughput"
-slices = 8
-[[scenes]]
-cylinders = { radius = [0.4, 0.5, 0.6] }
-squash = { bottom = 0.0, height = [0.4, 0.5], ratio = [0.8, 0.9] }
-[[methods]]
-name = "greedy"
-"""
 COUNT = 12
 
 
@@ -33,7 +26,7 @@ COUNT = 12
 def experiment(tmp_path_factory):
     """Two tasks a batch, compilations kept for all workers."""
     path = tmp_path_factory.mktemp("experiment") / "small.toml"
-    path.write_text(TEXT)
+    path.write_text(GREEDY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "_MOST", 2)
         before = {name: getattr(jax.config, name) for name in backends._KEPT_SETTINGS}
@@ -127,7 +120,7 @@ def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
     sizes = (8, 16)
     paths = [tmp_path / f"of{n}.toml" for n in sizes]
     for n, path in zip(sizes, paths, strict=True):
-        path.write_text(TEXT.replace("slices = 8", f"slices = {n}"))
+        path.write_text(GREEDY.replace("slices = 8", f"slices = {n}"))
     with backends.local_cluster() as cluster, ThreadPoolExecutor(2) as pool:
         runs = [
             pool.submit(sweep, path, path.with_suffix(""), backend="dask",

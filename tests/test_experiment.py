@@ -32,16 +32,6 @@ name = "greedy"
 """
 
 
-@pytest.fixture
-def read(tmp_path):
-    def from_text(text, **more):
-        path = tmp_path / "one.toml"
-        path.write_text(text)
-        return read_experiment(path, **more)
-
-    return from_text
-
-
 def drawn(count, seed=0, more=""):
     return f"""\
 kind = "throughput"

@@ -80,16 +80,6 @@ REFUSED = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def read(tmp_path):
-    def from_text(text, **more):
-        path = tmp_path / "one.toml"
-        path.write_text(text)
-        return read_experiment(path, **more)
-
-    return from_text
-
-
 @pytest.mark.parametrize("change", REFUSED, ids=lambda change: change[1][:60])
 def test_what_cannot_be_run_is_refused_with_its_line(read, change):
     assert change[0] in SMALL

@@ -49,12 +49,12 @@ def sweep(
         A worker died; what had been solved is kept.  Another timing run is under way.
     """
     from jaxclay.sweep import engine
-    from jaxclay.sweep.experiment import packaged, read_experiment
+    from jaxclay.sweep.experiment import experiment_path, read_experiment
     from jaxclay.sweep.store import keep_experiment
 
     whole = read_experiment(experiment, profiles)
     engine.check_backend(whole, backend, scheduler)
-    keep_experiment(Path(out), packaged().get(str(experiment), Path(experiment)))
+    keep_experiment(Path(out), experiment_path(experiment))
     engine.run(whole, Path(out), backend, scheduler)
     return load(out)
 

@@ -19,8 +19,9 @@ from rich.console import Console
 from jaxclay.compare.results import number, records, select
 from jaxclay.sweep.command import INTERRUPTED
 from jaxclay.sweep.engine import run_tasks
-from jaxclay.sweep.experiment import read_experiment
+from jaxclay.sweep.experiment import experiment_path, read_experiment
 from jaxclay.sweep.load import table
+from jaxclay.sweep.store import keep_experiment
 from jaxclay.sweep.tables import AgreeTable, Experiment
 from jaxclay.sweep.tasks import tasks
 from jaxclay.sweep.values import Values
@@ -80,6 +81,7 @@ def agree(
     console = Console(soft_wrap=True, highlight=False)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
+        keep_experiment(folder, experiment_path(experiment))
         try:
             with watched("agreement", len(todo), 0, interrupt) as watch:
                 run_tasks(todo, folder, tell=watch)

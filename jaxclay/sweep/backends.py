@@ -67,10 +67,7 @@ def processes(batches: Batches, workers: int | None = None) -> Iterator[list[Row
     try:
         with _environment(one_thread()):
             yield from _as_they_end(
-                batches,
-                count,
-                lambda batch: pool.submit(solve_in_worker, batch, identity()),
-                _first_done,
+                batches, count, lambda batch: pool.submit(solve_in_worker, batch, identity())
             )
     except BrokenProcessPool:
         raise RuntimeError(
@@ -137,7 +134,7 @@ def local_cluster() -> Iterator[Any]:
         yield cluster
 
 
-def _as_they_end(batches: Batches, workers: int, submit: Callable, first_done: Callable):
+def _as_they_end(batches: Batches, workers: int, submit: Callable):
     """Results in the order in which they come; few batches wait, so that others can be left out."""
     left, running = iter(batches), set()
     while True:
@@ -145,13 +142,9 @@ def _as_they_end(batches: Batches, workers: int, submit: Callable, first_done: C
         running |= {submit(batch) for batch in itertools.islice(left, room)}
         if not running:
             return
-        done, running = first_done(running)
+        done, running = wait(running, return_when=FIRST_COMPLETED)
         for future in done:
             yield future.result()
-
-
-def _first_done(running):
-    return wait(running, return_when=FIRST_COMPLETED)
 
 
 def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:

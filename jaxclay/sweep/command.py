@@ -12,7 +12,7 @@ try:
     from rich.console import Console
 
     from jaxclay.sweep import engine
-    from jaxclay.sweep.experiment import packaged, read_experiment
+    from jaxclay.sweep.experiment import experiment_path, read_experiment
     from jaxclay.sweep.store import keep_experiment
     from jaxclay.sweep.watch import Interrupt, watched
 except ImportError as error:
@@ -57,7 +57,7 @@ def sweep(
     console.print(_summary(whole, work, folder))
     if dry_run:
         return 0
-    keep_experiment(folder, packaged().get(str(experiment), Path(experiment)))
+    keep_experiment(folder, experiment_path(experiment))
     again = _again(experiment, folder, backend, scheduler, profiles)
     total, done = len(work.every), len(work.every) - len(work.missing)
     try:

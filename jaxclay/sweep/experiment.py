@@ -22,6 +22,11 @@ def packaged() -> dict[str, Path]:
     return {path.stem: path for path in sorted(_PACKAGED.glob("*.toml"))}
 
 
+def experiment_path(experiment: str | Path) -> Path:
+    """The file of an experiment that comes with jaxclay, by its name, or the path itself."""
+    return packaged().get(str(experiment), Path(experiment))
+
+
 def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Experiment:
     """Read and validate an experiment file.
 
@@ -40,7 +45,7 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
     OSError
         The file cannot be read.
     """
-    path = packaged().get(str(path), Path(path))
+    path = experiment_path(path)
     if not path.exists():
         raise ValueError(
             f"no experiment {str(path)!r}: name a TOML file, or choose from {', '.join(packaged())}"
