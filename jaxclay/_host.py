@@ -28,11 +28,13 @@ def pytree(cls: type[T]) -> type[T]:
 
     Unflattening skips ``__init__``, so that validation runs once, on the host,
     and never on tracers or on the placeholders that JAX puts into trees.
-    Fields marked ``metadata={"static": True}`` belong to the tree's structure.
+    Fields marked ``metadata={"static": True}`` belong to the tree's structure; those
+    marked "host" are None in what comes out of a transformation.
     """
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]
     static = [f.name for f in fields if f.metadata.get("static")]
-    data = [f.name for f in fields if not f.metadata.get("static")]
+    host = [f.name for f in fields if f.metadata.get("host")]
+    data = [f.name for f in fields if f.name not in static + host]
 
     def flatten_with_keys(obj):
         children = [(jax.tree_util.GetAttrKey(name), getattr(obj, name)) for name in data]
@@ -42,6 +44,8 @@ def pytree(cls: type[T]) -> type[T]:
         obj = object.__new__(cls)
         for name, value in [*zip(static, aux, strict=True), *zip(data, children, strict=True)]:
             object.__setattr__(obj, name, value)
+        for name in host:
+            object.__setattr__(obj, name, None)
         return obj
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten)
@@ -106,16 +110,21 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
         Inside a transformation while JAX's 64-bit flag is off.
     """
     if is_transformed(*args):
-        if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-            raise TypeError(
-                f"jaxclay.{name} was called inside jit, grad, vmap or scan while JAX computes in "
-                "float32, which cannot resolve a contour. Switch float64 on first: "
-                'jax.config.update("jax_enable_x64", True), or wrap the outermost call in '
-                "`with jax.enable_x64(True):`."
-            )
+        check_float64(name)
         return fun.traced(*args, **static)
     with jax.enable_x64(True):
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
+
+
+def check_float64(name: str) -> None:
+    """Raise unless JAX's 64-bit flag is on, inside a transformation where the caller owns it."""
+    if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+        raise TypeError(
+            f"jaxclay.{name} was called inside jit, grad, vmap or scan while JAX computes in "
+            "float32, which cannot resolve a contour. Switch float64 on first: "
+            'jax.config.update("jax_enable_x64", True), or wrap the outermost call in '
+            "`with jax.enable_x64(True):`."
+        )
 
 
 def let_go() -> None:

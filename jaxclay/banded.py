@@ -177,7 +177,7 @@ def _next(blocks: Array) -> Array:
 
 
 def _assembled(diagonal: Array, coupling: Array) -> Array:
-    """The block tridiagonal matrix, lower half filled, dense."""
+    """The block tridiagonal matrix, dense."""
     b, _, m = diagonal.shape
     own = jnp.moveaxis(diagonal, 2, 0)[:, :, None]
     before = jnp.moveaxis(jnp.swapaxes(coupling, 0, 1), 2, 0)[None].swapaxes(1, 2)
@@ -185,7 +185,18 @@ def _assembled(diagonal: Array, coupling: Array) -> Array:
     at = block[:, None, :, None]
     # Masks instead of indices: on the CPU a scatter would be a loop.
     dense = jnp.where(at == 0, own, 0.0) + jnp.where(at == 1, before, 0.0)
-    return dense.reshape(m * b, m * b)
+    dense = dense.reshape(m * b, m * b)
+    # Both halves, since the factor's derivative reads both.
+    return jnp.tril(dense) + jnp.tril(dense, -1).T
+
+
+def solve_exactly(bands: Array, rhs: Array) -> Array:
+    """H^-1 rhs with derivatives by H and rhs of any order, which need no factor's derivative."""
+
+    def by_factor(_, rhs: Array) -> Array:
+        return solve(factorize(jax.lax.stop_gradient(bands)), rhs)
+
+    return jax.lax.custom_linear_solve(lambda x: product(bands, x), rhs, by_factor, symmetric=True)
 
 
 def product(bands: Array, x: Array) -> Array:

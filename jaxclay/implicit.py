@@ -21,9 +21,9 @@ from jaxclay.certificate import touches_floor
 from jaxclay.clay import Array
 from jaxclay.loop import Outcome, Start, run
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.sensitivity import of_splines
+from jaxclay.schemes.sums import Point
 
 _HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
 
@@ -39,7 +39,8 @@ def solve_implicitly(
 @solve_implicitly.defjvp
 def _solve_jvp(method, primals, tangents):
     (problem, start, settings, feasible), change = primals, tangents[0]
-    outcome = run(problem, start, settings, feasible, method)
+    # The rule for derivatives of this rule is the rule itself: so second ones are right too.
+    outcome = solve_implicitly(problem, start, settings, feasible, method)
     rule: Any = of_splines if isinstance(problem, SplineProblem) else _of_heights
     tangent = jax.tree.map(_no_change, outcome)
     return outcome, tangent._replace(point=rule(problem, change, outcome))
@@ -63,7 +64,7 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
 
     _, rate = jax.jvp(force, (problem,), (change,))
     matrix = banded.masked(bands + local.between_nodes(hold, problem.free), moving)
-    step = -banded.solve(banded.factorize(matrix), jnp.where(moving, rate, 0.0))
+    step = -banded.solve_exactly(matrix, jnp.where(moving, rate, 0.0))
     shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
     return Point(change.rest.thickness + jnp.diff(shift), shift)
 
@@ -77,6 +78,7 @@ def attached(problem: SplineProblem, outcome: Outcome) -> Outcome:
 @attached.defjvp
 def _attached_jvp(primals, tangents):
     problem, outcome = primals
+    outcome = attached(problem, outcome)
     tangent = jax.tree.map(_no_change, outcome)
     return outcome, tangent._replace(point=of_splines(problem, tangents[0], outcome))
 

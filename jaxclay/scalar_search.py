@@ -85,10 +85,17 @@ def sign_change(slope, left: Array, right: Array) -> Array:
     return jax.lax.while_loop(go_on, cut, state)[4]
 
 
-def follow(slope, root: Array) -> Array:
-    """The root with its derivative, from the implicit function theorem; at a kink it stays."""
-    value, rate = jax.jvp(slope, (root,), (jnp.ones_like(root),))
-    rises = jax.lax.stop_gradient(rate) > 0
-    steepness = jnp.where(rises, jax.lax.stop_gradient(rate), 1.0)
-    change = (value - jax.lax.stop_gradient(value)) / steepness
-    return root - jnp.where(rises, change, 0.0)
+def follow(slope, root: Array, exactly: bool = False) -> Array:
+    """The root with its derivatives, up to the third, by two steps of Newton; at a kink it stays.
+
+    ``exactly`` if the steps shall improve the root too.
+    """
+
+    def newton(_, root):
+        value, rate = jax.jvp(slope, (root,), (jnp.ones_like(root),))
+        rises = jax.lax.stop_gradient(rate) > 0
+        value = value if exactly else value - jax.lax.stop_gradient(value)
+        step = value / jnp.where(rises, rate, 1.0)
+        return root - jnp.where(rises, step, 0.0)
+
+    return jax.lax.fori_loop(0, 2, newton, root)

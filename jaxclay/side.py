@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxclay.arrays import fixed, iterate, namespace, repeat
 from jaxclay.clay import Array, Material
 
 _MOST_STEPS = 60
@@ -59,7 +60,7 @@ class Side(NamedTuple):
     @property
     def span(self) -> Array:
         """The side's share of the material."""
-        return jnp.sum(self.width)
+        return self.width.sum()
 
 
 class Push(NamedTuple):
@@ -88,82 +89,87 @@ class Push(NamedTuple):
 
 def solve_side(side: Side, material: Material) -> Push:
     """The push that displaces the edge by d: Newton within bounds, exact to rounding."""
+    xp = namespace(side, material)
     rate = material.mu / material.k
-    size, span = jnp.abs(side.displacement), side.span
+    size, span = xp.abs(side.displacement), side.span
     free_push = rate * span
-    still = jax.lax.stop_gradient((side, material))
-    root = jax.lax.stop_gradient(_root(*still, *_bounds(*still)))
+    still = fixed((side, material))
+    sigma = fixed(_root(*still, *_bounds(*still)))
 
-    # Two more steps finish, and carry the derivative of sigma.
-    def newton(_, sigma):
-        sigma = jax.lax.stop_gradient(sigma)
+    def newton(sigma):
         excess, growth = _excess(side, material, sigma)
-        return jnp.maximum(sigma - _divide(excess, growth), 0.0)
+        return xp.maximum(sigma - _divide(excess, growth), 0.0)
 
-    sigma = jax.lax.fori_loop(0, _LAST_STEPS, newton, root)
+    # Two more steps finish, and carry the derivatives of sigma up to the third.
+    sigma = repeat(_LAST_STEPS, newton, sigma)
     moves = (size > 0) & (span > 0)
-    sigma = jnp.where(moves, sigma, 0.0)
+    sigma = xp.where(moves, sigma, 0.0)
     beyond = sigma > free_push
-    free_push = jnp.where(moves, free_push, 0.0)
-    sigma = jnp.where(side.held, sigma, jnp.minimum(sigma, free_push))
-    case = jnp.where(beyond, jnp.where(side.held, 3, 2), 1)
-    room = (1 - material.floor) * jnp.sum(side.slope * side.width)
+    free_push = xp.where(moves, free_push, 0.0)
+    sigma = xp.where(side.held, sigma, xp.minimum(sigma, free_push))
+    case = xp.where(beyond, xp.where(side.held, 3, 2), 1)
+    room = (1 - material.floor) * xp.sum(side.slope * side.width)
     return Push(
         sigma=sigma,
-        case=jnp.where(span > 0, case, 0),
-        reach=jnp.where(moves, jnp.minimum(_divide(sigma, rate, jnp.inf), span), 0.0),
+        case=xp.where(span > 0, case, 0),
+        reach=xp.where(moves, xp.minimum(_divide(sigma, rate, xp.inf), span), 0.0),
         floored=moves
         & (side.displacement > 0)
-        & jnp.any(_pieces(side, material, sigma).saturated > 0),
-        feasible=~side.held | (side.displacement <= room) | (span == 0),
+        & xp.any(_pieces(side, material, sigma).saturated > 0),
+        feasible=xp.logical_not(side.held) | (side.displacement <= room) | (span == 0),
     )
 
 
 def _bounds(side: Side, material: Material) -> tuple[Array, Array]:
     """A guess of the push, exact for a cylinder above the floor, and an upper bound."""
-    rate, size, span = material.mu / material.k, jnp.abs(side.displacement), side.span
-    stretchable = jnp.sum(side.slope**2 * side.width)
+    xp = namespace(side, material)
+    rate, size, span = material.mu / material.k, xp.abs(side.displacement), side.span
+    stretchable = xp.sum(side.slope**2 * side.width)
     even = _divide(size, stretchable)
-    cap = jnp.max(jnp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0))
+    cap = xp.max(xp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0))
     # q >= |d| / stretchable Y0_u^2 throughout
     high = even + rate * span
-    high = jnp.where(side.displacement > 0, jnp.maximum(high, cap + rate * span), high)
-    falls = jnp.sqrt(2 * rate * even * span)  # to 0 within the side
-    guess = jnp.where(falls < rate * span, falls, even + rate * span / 2)
-    return jnp.minimum(guess, high), high
+    high = xp.where(side.displacement > 0, xp.maximum(high, cap + rate * span), high)
+    falls = xp.sqrt(2 * rate * even * span)  # to 0 within the side
+    guess = xp.where(falls < rate * span, falls, even + rate * span / 2)
+    return xp.minimum(guess, high), high
 
 
 def _root(side: Side, material: Material, guess: Array, high: Array) -> Array:
     """Where D(sigma) = |d|: Newton, or a bisection where that leaves the bounds."""
-    size = jnp.abs(side.displacement)
+    xp = namespace(side, material, guess)
+    size = xp.abs(side.displacement)
 
     def go_on(state):
         _, low, high, settled, steps = state
-        return ~settled & (high - low > _CLOSE * high) & (steps < _MOST_STEPS)
+        return xp.logical_not(settled) & (high - low > _CLOSE * high) & (steps < _MOST_STEPS)
 
     def cut(state):
         sigma, low, high, _, steps = state
         excess, growth = _excess(side, material, sigma)
-        settled = jnp.abs(excess) <= _CLOSE * jnp.maximum(size, 1e-3)
-        low, high = jnp.where(excess < 0, sigma, low), jnp.where(excess < 0, high, sigma)
-        step = sigma - _divide(excess, growth, jnp.inf)
+        settled = xp.abs(excess) <= _CLOSE * xp.maximum(size, 1e-3)
+        low, high = xp.where(excess < 0, sigma, low), xp.where(excess < 0, high, sigma)
+        step = sigma - _divide(excess, growth, xp.inf)
         inside = (step > low) & (step < high)
-        step = jnp.where(inside, step, (low + high) / 2)
-        return jnp.where(settled, sigma, step), low, high, settled, steps + 1
+        step = xp.where(inside, step, (low + high) / 2)
+        return xp.where(settled, sigma, step), low, high, settled, steps + 1
 
-    first = guess, jnp.zeros_like(high), high, jnp.zeros_like(high, bool), 0
-    return jax.lax.while_loop(go_on, cut, first)[0]
+    first = guess, 0 * high, high, high < 0, 0
+    return iterate(go_on, cut, first)[0]
 
 
 def _excess(side: Side, material: Material, sigma: Array) -> tuple[Array, Array]:
     """D(sigma) - |d| and D'(sigma)."""
+    xp = namespace(side, material, sigma)
     p, squares = _pieces(side, material, sigma), side.slope**2
-    displaced = jnp.sum((p.cap * p.saturated + p.linear * (p.high + p.low) / 2) * squares)
-    return displaced - jnp.abs(side.displacement), jnp.sum(squares * p.linear)
+    displaced = xp.sum((p.cap * p.saturated + p.linear * (p.high + p.low) / 2) * squares)
+    return displaced - xp.abs(side.displacement), xp.sum(squares * p.linear)
 
 
 def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push]:
-    """Both sides of a band, solved at once."""
+    """Both sides of a band, solved at once where that is compiled."""
+    if namespace(pair, material) is not jnp:
+        return solve_side(pair[0], material), solve_side(pair[1], material)
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *pair)
     pushes = jax.vmap(solve_side, in_axes=(0, None))(stacked, material)
     return jax.tree.map(lambda leaf: leaf[0], pushes), jax.tree.map(lambda leaf: leaf[1], pushes)
@@ -171,24 +177,26 @@ def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push
 
 def slope_change(side: Side, material: Material, sigma: Array) -> Array:
     """(n,) integral of Y_u - Y0_u over each slice, in heights: negative in compression."""
+    xp = namespace(side, material, sigma)
     p = _pieces(side, material, sigma)
     moved = p.cap * p.saturated + p.linear * (p.high + p.low) / 2
-    return -jnp.sign(side.displacement) * moved * side.slope**2
+    return -xp.sign(side.displacement) * moved * side.slope**2
 
 
 def move_energy(side: Side, material: Material, push: Push) -> Array:
     """E_move of the side (eq. 6) at its minimum, in the continuum."""
+    xp = namespace(side, material, push)
     k, mu = material.k, material.mu
     p = _pieces(side, material, push.sigma)
     squares = p.cap**2 * p.saturated
     squares += p.linear * (p.high * p.high + p.high * p.low + p.low * p.low) / 3
-    strain = k / 2 * jnp.sum(squares * side.slope**2)
+    strain = k / 2 * xp.sum(squares * side.slope**2)
     # |d(x)| = |d| - integral of q up to x, so its integral needs q's first moment only.
     middle = side.start + p.saturated + p.linear / 2
     moment = p.cap * p.saturated * (side.start + p.saturated / 2)
     moment += p.linear * ((p.high + p.low) / 2 * middle - (p.high - p.low) * p.linear / 12)
-    stays = jnp.maximum(jnp.abs(side.displacement) - _displaced(side, material, push.sigma), 0.0)
-    return strain + mu * (stays * side.span + jnp.sum(moment * side.slope**2))
+    stays = xp.maximum(xp.abs(side.displacement) - _displaced(side, material, push.sigma), 0.0)
+    return strain + mu * (stays * side.span + xp.sum(moment * side.slope**2))
 
 
 def edge_tension(side: Side, material: Material, push: Push, slope: Array) -> Array:
@@ -196,17 +204,18 @@ def edge_tension(side: Side, material: Material, push: Push, slope: Array) -> Ar
 
     k/2 ((Y_u / Y0_u)^2 - 1) - mu |d| while the floor is inactive.
     """
+    xp = namespace(side, material, push)
     k = material.k
-    sign = jnp.sign(side.displacement)
+    sign = xp.sign(side.displacement)
     stretch = 1 - sign * push.sigma * slope
-    stretch = jnp.where(sign > 0, jnp.maximum(stretch, material.floor), stretch)
+    stretch = xp.where(sign > 0, xp.maximum(stretch, material.floor), stretch)
     momentum = -sign * k * push.sigma
-    energy = k / 2 * (stretch - 1) ** 2 + material.mu * jnp.abs(side.displacement)
+    energy = k / 2 * (stretch - 1) ** 2 + material.mu * xp.abs(side.displacement)
     return stretch * slope * momentum - energy
 
 
 def _displaced(side: Side, material: Material, sigma: Array) -> Array:
-    return jnp.sum(jnp.abs(slope_change(side, material, sigma)))
+    return abs(slope_change(side, material, sigma)).sum()
 
 
 class _Pieces(NamedTuple):
@@ -220,19 +229,21 @@ class _Pieces(NamedTuple):
 
 
 def _pieces(side: Side, material: Material, sigma: Array) -> _Pieces:
+    xp = namespace(side, material, sigma)
     rate = material.mu / material.k
     edge = sigma - rate * side.start
     fall = rate * side.graded
     compressed = side.displacement > 0
-    cap = jnp.where(compressed, (1 - material.floor) / side.slope, 0.0)
-    begins = _divide(edge - cap, fall, jnp.where(edge > cap, jnp.inf, -jnp.inf))
-    saturated = jnp.where(compressed, jnp.clip(begins, 0.0, side.width), 0.0)
-    vanishes = _divide(edge, fall, jnp.where(edge > 0, jnp.inf, -jnp.inf))
-    end = jnp.clip(vanishes, saturated, side.width)
+    cap = xp.where(compressed, (1 - material.floor) / side.slope, 0.0)
+    begins = _divide(edge - cap, fall, xp.where(edge > cap, xp.inf, -xp.inf))
+    saturated = xp.where(compressed, xp.clip(begins, 0.0, side.width), 0.0)
+    vanishes = _divide(edge, fall, xp.where(edge > 0, xp.inf, -xp.inf))
+    end = xp.clip(vanishes, saturated, side.width)
     return _Pieces(cap, saturated, end - saturated, edge - fall * saturated, edge - fall * end)
 
 
 def _divide(a: Array, b: Array, otherwise: Array | float = 0.0) -> Array:
     """a / b, or ``otherwise`` where b is 0 (also under differentiation)."""
-    safe = jnp.where(b > 0, b, 1.0)
-    return jnp.where(b > 0, a / safe, otherwise)
+    xp = namespace(a, b, otherwise)
+    safe = xp.where(b > 0, b, 1.0)
+    return xp.where(b > 0, a / safe, otherwise)
