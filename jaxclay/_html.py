@@ -51,7 +51,7 @@ def solution_html(solution: Solution) -> str:
     }
     svg = _svg(
         (solution.clay, "#E8D5C0", "#0072B2", ""),
-        (solution.problem.clay, "none", "#8C8C8C", "4 3"),
+        (solution.before, "none", "#8C8C8C", "4 3"),
     )
     return _side_by_side(svg, f"Solution ({solution.method})", rows)
 

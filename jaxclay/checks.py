@@ -11,9 +11,14 @@ _FINEST, _COARSEST = 1e-9, 0.1  # of a contour's error, over the unit l
 
 def check_slices(slices: int) -> None:
     """Raise unless ``slices`` is a whole number of at least 3, the fewest with a bending term."""
-    whole = isinstance(slices, int | np.integer) and not isinstance(slices, bool)
-    if not whole or slices < 3:
-        raise ValueError(f"slices must be a whole number of at least 3, got {slices!r}")
+    check_whole("slices", slices, 3)
+
+
+def check_whole(name: str, value, least: int) -> None:
+    """Raise unless it is a whole number, not below ``least``."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least:
+        raise ValueError(f"{name} must be a whole number of at least {least}, got {value!r}")
 
 
 def check_positive(name: str, value) -> None:
@@ -45,6 +50,19 @@ def check_increasing(heights: np.ndarray, name: str) -> None:
             f"{name} must increase from bottom to top, but {name}[{i + 1}] = {heights[i + 1]:g} "
             f"follows {name}[{i}] = {heights[i]:g}"
         )
+
+
+def check_nodes(name: str, nodes: np.ndarray, slices: int | None = None) -> None:
+    """Raise unless they are material coordinates in order from 0 to 1, ``slices`` + 1 if given."""
+    if nodes.ndim != 1 or len(nodes) < 4 or slices not in (None, len(nodes) - 1):
+        expected = "at least 4 nodes" if slices is None else f"{slices + 1} nodes"
+        raise ValueError(f"{name} must hold {expected}, got shape {nodes.shape}")
+    if not np.isfinite(nodes).all() or nodes.min() < 0 or nodes.max() > 1:
+        wrong = nodes[~((nodes >= 0) & (nodes <= 1))][0]
+        raise ValueError(f"{name} must lie between 0 and 1, got {wrong:g}")
+    check_increasing(nodes, name)
+    if nodes[0] != 0 or nodes[-1] != 1:
+        raise ValueError(f"{name} must run from 0 to 1, got {nodes[0]:g} to {nodes[-1]:g}")
 
 
 def within(name: str, value, low: float, high: float):

@@ -1,22 +1,31 @@
 """Clay and Material: what is shaped and what it is made of (eqs. 1-3, 22).
 
 Notation: u in [0, 1] is the material coordinate (equal steps hold equal
-volumes), Y(u) the height, X(u) the radius.  n slices have thickness
-t_i = Y_{i+1} - Y_i and radius X_i = r0 sqrt(h / t_i), h = 1/n (eq. 22), with
-r0 = sqrt(volume / pi).
+volumes), Y(u) the height, X(u) the radius.  Slice i holds the share
+h_i = u_{i+1} - u_i of the clay and has thickness t_i = Y_{i+1} - Y_i and radius
+X_i = r0 sqrt(h_i / t_i) (eq. 22), with r0 = sqrt(volume / pi).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import TYPE_CHECKING, Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import is_concrete, pytree
-from jaxclay.checks import as_number, check_increasing, check_positive, check_slices, within
+from jaxclay.arrays import namespace
+from jaxclay.checks import (
+    as_number,
+    check_increasing,
+    check_nodes,
+    check_positive,
+    check_slices,
+    within,
+)
+from jaxclay.interpolation import Interpolant, interpolant
 from jaxclay.slicing import clip_radii, equal_volume_heights
 
 if TYPE_CHECKING:
@@ -28,10 +37,11 @@ Array = Any  # NumPy on the host, JAX inside transformations
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class Clay:
-    """A rotationally symmetric piece of clay, n slices of equal volume (eqs. 2, 20, 22).
+    """A rotationally symmetric piece of clay, n slices of given volumes (eqs. 2, 20, 22).
 
     Build it with :meth:`cylinder` or :meth:`from_profile`, or read it with
-    :func:`jaxclay.load_profile`.
+    :func:`jaxclay.load_profile`; squashes on the scheme "slices" put its nodes where the
+    contour bends.
 
     Attributes
     ----------
@@ -45,24 +55,36 @@ class Clay:
     unit : float, length
         l, the height of the piece when it first became clay.  Energies are
         those of lengths divided by l.
+    material : (n+1,) array
+        Nodes u_0 = 0 < u_1 < ... < u_n = 1, the material coordinates of the heights; i/n, slices
+        of equal volume, if not given.
+    edges : (m, 2) array
+        (u, radius) where the edges of tools that shaped the clay have left their radius: points
+        of the contour at nodes.  Two rows of one u are the radii below and above a jump.
 
     Raises
     ------
     ValueError
-        Heights that do not increase from 0, an r0 or a unit that is not positive.
+        Heights that do not increase from 0, an r0 or a unit that is not positive, nodes that do
+        not increase from 0 to 1, edges that are no nodes.
     """
 
     heights: Array
     thickness: Array
     r0: Array
     unit: Array
+    material: Array = None
+    edges: Array = None
 
     def __post_init__(self):
         if not is_concrete(self):
             return
         set_field = object.__setattr__
-        for name in ("heights", "thickness", "r0", "unit"):
-            set_field(self, name, np.array(getattr(self, name), np.float64))
+        defaults = {"material": equal_nodes(np.size(self.thickness)), "edges": np.zeros((0, 2))}
+        for name in ("heights", "thickness", "r0", "unit", "material", "edges"):
+            value = getattr(self, name)
+            value = defaults[name] if value is None else value
+            set_field(self, name, np.array(value, np.float64))
         if self.heights.ndim != 1 or self.heights.shape[0] != self.thickness.shape[0] + 1:
             raise ValueError(
                 f"heights must be one more than thickness: got shapes {self.heights.shape} and "
@@ -81,6 +103,8 @@ class Clay:
             )
         check_positive("r0", self.r0)
         check_positive("unit", self.unit)
+        check_nodes("material", self.material, self.slices)
+        _check_edges(self.edges, self.material)
 
     @classmethod
     def cylinder(cls, radius: float = 0.5, height: float = 1.0, slices: int = 64) -> Clay:
@@ -148,7 +172,7 @@ class Clay:
     @property
     def radii(self) -> Array:
         """(n,) radius of each slice, length (eq. 22)."""
-        return self.r0 / (self.slices * self.thickness) ** 0.5
+        return self.r0 / (self.thickness / (self.material[1:] - self.material[:-1])) ** 0.5
 
     @property
     def volume(self) -> Array:
@@ -160,20 +184,62 @@ class Clay:
         """Y_n, length."""
         return self.heights[-1]
 
+    @property
+    def equal(self) -> bool:
+        """Whether the slices are of equal volume; False where traced nodes do not tell."""
+        return is_concrete(self.material) and np.array_equal(
+            self.material, equal_nodes(self.slices)
+        )
+
+    @functools.cached_property
+    def interpolant(self) -> Interpolant:
+        """Y(u) between the nodes: :mod:`jaxclay.interpolation`."""
+        return interpolant(self.material, self.heights, self.thickness, self.edges, self.r0)
+
     def height_at(self, u: Array) -> Array:
-        """Height at the material coordinates u in [0, 1], length; linear within a slice."""
-        nodes = np.arange(self.slices + 1) / self.slices
-        return _line(within("u", u, 0.0, 1.0), nodes, self.heights)
+        """Height Y(u) at the material coordinates u in [0, 1], length; at nodes exactly Y_i.
+
+        Between the nodes cubic, of order 4, and rising: :mod:`jaxclay.interpolation`.
+        """
+        return self.interpolant.height(within("u", u, 0.0, 1.0))
 
     def material_at(self, height: Array) -> Array:
-        """The fraction u of the volume below heights in [0, Y_n]."""
-        height = within("height", height, 0.0, self.height)
-        return _line(height, self.heights, np.arange(self.slices + 1) / self.slices)
+        """The u with Y(u) = height: the fraction of the volume below heights in [0, Y_n]."""
+        return self.interpolant.inverse(within("height", height, 0.0, self.height))
 
     def radius_at(self, height: Array) -> Array:
-        """Radius at heights in [0, Y_n], length; linear between the middles of slices."""
-        middles = (self.heights[1:] + self.heights[:-1]) / 2
-        return _line(within("height", height, 0.0, self.height), middles, self.radii)
+        """Radius X = r0 Y_u^-1/2 (eq. 3) at heights in [0, Y_n], length; above where it jumps."""
+        return self.r0 / self.interpolant.slope(self.material_at(height)) ** 0.5
+
+    def resliced(self, nodes: Array | int) -> Converted:
+        """The clay on other nodes, its volume kept exactly, and how far its contour is off.
+
+        Parameters
+        ----------
+        nodes : int or (m+1,) array
+            How many slices of equal volume, or the material coordinates of the new nodes, from 0
+            to 1.  The heights there are those of :meth:`height_at`.
+
+        Returns
+        -------
+        Converted
+            ``clay``, and ``error``: the largest distance between the two contours over l.
+
+        Raises
+        ------
+        ValueError
+            Fewer than 3 slices, nodes that do not increase from 0 to 1.
+        """
+        from jaxclay.contour import contour_error
+        from jaxclay.conversion import Converted
+
+        if np.ndim(nodes) == 0:
+            check_slices(nodes)  # type: ignore[arg-type]
+            nodes = equal_nodes(int(nodes))  # type: ignore[arg-type]
+        nodes = np.asarray(nodes, np.float64)
+        check_nodes("nodes", nodes)
+        clay = on_nodes(self, nodes)
+        return Converted(clay, contour_error(clay, self))
 
     def as_function(self, tolerance: float = 1e-6) -> Converted:
         """A :class:`jaxclay.SmoothClay` through all heights, and how far its contour is off.
@@ -247,12 +313,45 @@ class Material:
         return cls(k, mu, alpha / slices**2, beta / slices**4, floor)
 
 
-def unchecked_clay(heights: Array, thickness: Array, r0: Array, unit: Array) -> Clay:
+def equal_nodes(slices: int) -> np.ndarray:
+    """(n+1,) i/n, the nodes of slices of equal volume."""
+    return np.arange(slices + 1) / slices
+
+
+def on_nodes(clay: Clay, nodes: Array) -> Clay:
+    """The clay on other nodes; what lies on its own nodes stays bit for bit."""
+    xp = namespace(clay, nodes)
+    y = clay.interpolant
+    heights, thickness = y.height(nodes), y.rise(nodes[:-1], nodes[1:])
+    edges = clay.edges
+    if xp is np:
+        edges = edges[np.isin(edges[:, 0], nodes)]
+    return unchecked_clay(heights, thickness, clay.r0, clay.unit, nodes, edges)
+
+
+def unchecked_clay(
+    heights: Array,
+    thickness: Array,
+    r0: Array,
+    unit: Array,
+    material: Array | None = None,
+    edges: Array | None = None,
+) -> Clay:
     """A Clay from arrays that may be traced, or a solver's word; no validation."""
-    leaves = (heights, thickness, r0, unit)
-    return jax.tree.unflatten(jax.tree.structure(Clay.cylinder(slices=3)), leaves)
+    material = equal_nodes(thickness.shape[0]) if material is None else material
+    edges = np.zeros((0, 2)) if edges is None else edges
+    return jax.tree.unflatten(_STRUCTURE, (heights, thickness, r0, unit, material, edges))
 
 
-def _line(at: Array, x: Array, y: Array) -> Array:
-    """The polyline through (x, y) at the places ``at``."""
-    return (np if is_concrete(at, x, y) else jnp).interp(at, x, y)
+def _check_edges(edges: np.ndarray, material: np.ndarray) -> None:
+    if edges.ndim != 2 or edges.shape[1] != 2:
+        raise ValueError(f"edges must be rows of (u, radius), got shape {edges.shape}")
+    for u, radius in edges:
+        check_positive("the radius of an edge", radius)
+        if u not in material:
+            raise ValueError(f"an edge lies on a node, but there is none at u = {u!r}")
+    if (np.diff(edges[:, 0]) < 0).any():
+        raise ValueError("edges must be in order of u")
+
+
+_STRUCTURE = jax.tree.structure(Clay.cylinder(slices=3))

@@ -1,8 +1,9 @@
 """Contours in space: the polyline that is drawn and exported, and distances between two.
 
 Radii of slices belong to the middle of their slice; at Y_i, as eq. 20 writes
-it, a cone's volume would be off by over a percent at 64 slices.  The contour of
-a function Y(u) is (X, Y) itself, by chords as near to it as asked.
+it, a cone's volume would be off by over a percent at 64 slices.  Beside them the
+edges of tools are points, and both ends, extrapolated.  The contour of a
+function Y(u) is (X, Y) itself, by chords as near to it as asked.
 """
 
 from __future__ import annotations
@@ -20,23 +21,39 @@ _PROBES = 49  # places in a piece where its curvature is looked at
 _EVENNESS = 0.1  # least density of points, of the piece's greatest
 _SAFETY = 1.1
 _SAME_RADIUS = 1e-10  # of l
+_STEEPEST = 0.25  # of the last slice's radius: least radius of an end
 
 
 def polyline(clay: Clay | SmoothClay, chord: float = _CHORD) -> np.ndarray:
     """(m, 2) points (radius, height) of the half-contour, from axis to axis, length.
 
-    Of clay in slices n+4 points.  Of a function as many, up to 20,000, as put its
-    chords within ``chord`` times l of the contour; where the radius jumps, both
-    radii are there.
+    Of clay in slices one point a slice and an edge, and two at each end.  Of a function
+    as many, up to 20,000, as put its chords within ``chord`` times l of the contour; where
+    the radius jumps, both radii are there.
     """
-    if isinstance(clay, SmoothClay):
-        points = _curve(clay, chord)
-    else:
-        y, X = np.asarray(clay.heights), np.asarray(clay.radii)
-        points = np.stack([X, (y[:-1] + y[1:]) / 2], axis=1)
-        points = np.concatenate([[[X[0], y[0]]], points, [[X[-1], y[-1]]]])
+    points = _curve(clay, chord) if isinstance(clay, SmoothClay) else slice_points(clay)
     (_, bottom), (_, top) = points[0], points[-1]
     return np.concatenate([[[0.0, bottom]], points, [[0.0, top]]])
+
+
+def slice_points(clay: Clay) -> np.ndarray:
+    """(m, 2) points (radius, height): slices' middles, edges and both ends, from bottom to top."""
+    y, X, nodes = (np.asarray(v) for v in (clay.heights, clay.radii, clay.material))
+    u, radius = np.asarray(clay.edges).T
+    node = np.searchsorted(nodes, u)
+    inner = (node > 0) & (node < clay.slices)
+    middle = np.stack([X, (y[:-1] + y[1:]) / 2], axis=1)
+    ends = []
+    for end, (near, far) in ((0, middle[:2]), (clay.slices, middle[-1:-3:-1])):
+        beyond = near[0] + (near[0] - far[0]) * (y[end] - near[1]) / (near[1] - far[1])
+        # Not to the axis or beyond, where the slices' radii fall steeply.
+        beyond = max(beyond, _STEEPEST * near[0])
+        ends.append([*radius[node == end][:1], beyond][0])
+    place = np.concatenate([[-1.0], np.arange(clay.slices) + 0.5, node[inner], [np.inf]])
+    points = np.concatenate(
+        [[[ends[0], y[0]]], middle, np.stack([radius, y[node]], axis=1)[inner], [[ends[1], y[-1]]]]
+    )
+    return points[np.argsort(place, kind="stable")]
 
 
 def contour_error(clay: Clay | SmoothClay, target: Clay | SmoothClay) -> float:

@@ -62,7 +62,9 @@ def as_function(clay: Clay, tolerance: float = 1e-6) -> Converted:
 
 
 def as_smooth(clay: Clay, tolerance: float = 1e-6) -> SmoothClay:
-    """The clay of :func:`as_function`, its error not measured."""
+    """The clay of :func:`as_function`, its error not measured; unequal slices are not merged."""
+    if not clay.equal or len(clay.edges):
+        return SmoothClay(*in_pieces(clay), float(clay.r0), float(clay.unit))
     n, r0, unit = clay.slices, float(clay.r0), float(clay.unit)
     breaks, _ = merged(*interpolated(clay.thickness, clay.heights), r0, unit, tolerance)
     # Second differences of the pieces' heights are rounding noise on fine grids; these are not.
@@ -73,10 +75,19 @@ def as_smooth(clay: Clay, tolerance: float = 1e-6) -> SmoothClay:
     return SmoothClay(breaks, control, r0, unit)
 
 
+def in_pieces(clay: Clay) -> tuple[Array, Array]:
+    """The cubic pieces between the clay's nodes, as breaks (n+1,) and control (n, 6)."""
+    _, width, height, a, b, c = clay.interpolant.table
+    top = clay.heights[1:]
+    curvature = 2 * b / width, (2 * b + 6 * c) / width
+    control = hermite(width, (height, a, curvature[0]), (top, a + 2 * b + 3 * c, curvature[1]))
+    return clay.material, control
+
+
 def cut(clay: Clay | SmoothClay, slices: int) -> Clay:
     """The clay in ``slices`` slices, itself if it is; heights are those of the function."""
     check_slices(slices)
-    if isinstance(clay, Clay) and clay.slices == slices:
+    if isinstance(clay, Clay) and clay.slices == slices and clay.equal:
         return clay
     smooth = as_smooth(clay) if isinstance(clay, Clay) else clay
     heights = np.asarray(smooth.height_at(np.arange(slices + 1) / slices))

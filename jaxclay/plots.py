@@ -58,12 +58,11 @@ def contour(
 
 def solution(answer: Solution, ax: Axes | None = None) -> Axes:
     """The shape before the squash, the rough shape and the minimum, and the tool's band."""
-    problem = answer.problem
     ax = contour(
-        problem.clay, ax or _new_axes(7, 4.5), color=COLOURS[7], linestyle=":", label="before"
+        answer.before, ax or _new_axes(7, 4.5), color=COLOURS[7], linestyle=":", label="before"
     )
     contour(
-        answer.rough.clay(problem.clay),
+        answer.rough.clay(answer.problem.clay),
         ax,
         color=COLOURS[4],
         linestyle="--",
@@ -87,7 +86,7 @@ def save(answer: Solution, path: str | os.PathLike) -> None:
 def heights(answer: Solution, ax: Axes | None = None) -> Axes:
     """Y(u) before, rough and at the minimum, as in Fig. 3 of the paper."""
     ax = ax or _new_axes(5, 3.5)
-    before, rough = answer.problem.clay, answer.rough.clay(answer.problem.clay)
+    before, rough = answer.before, answer.rough.clay(answer.problem.clay)
     for clay, colour, line, label in (
         (before, COLOURS[7], ":", "before"),
         (rough, COLOURS[4], "--", "rough shape (E_move)"),
@@ -106,7 +105,7 @@ def _height_curve(clay: Clay | SmoothClay) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(clay, SmoothClay):
         u = np.union1d(np.linspace(0, 1, 257), clay.breaks)
         return u, clay.height_at(u)
-    return np.linspace(0, 1, clay.slices + 1), np.asarray(clay.heights)
+    return np.asarray(clay.material), np.asarray(clay.heights)
 
 
 def _new_axes(width: float, height: float) -> Axes:

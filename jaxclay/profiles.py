@@ -3,8 +3,9 @@
 A CSV file has a header with the columns ``height`` and ``radius``, one length
 unit, from bottom to top; lines that start with # are comments.  Files that
 jaxclay writes carry more, so that reading them back gives the same clay: l and
-r0 as comments, and either each slice's ``thickness`` and ``top`` or, as
-comments, the pieces of the function Y(u).
+r0 as comments, and either each slice's ``thickness`` and ``top``, with its ``material``
+where slices are of unequal volume and the edges of tools as comments, or, as comments, the
+pieces of the function Y(u).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ import numpy as np
 
 from jaxclay.bernstein import DEGREE
 from jaxclay.checks import check_positive, check_slices
-from jaxclay.clay import Clay
-from jaxclay.contour import polyline
+from jaxclay.clay import Clay, equal_nodes, on_nodes
+from jaxclay.contour import polyline, slice_points
 from jaxclay.distance import farthest
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.tables import COLUMNS, Comment, as_finite, read_table
@@ -125,14 +126,15 @@ def _saved_clay(table: dict, comments: list[Comment], slices: int | None):
     """The clay of a file that jaxclay wrote; None of another's."""
     found = {c.name: c for c in comments if c.name in ("unit", "r0")}
     pieces = [c for c in comments if c.name == "piece"]
-    if len(found) < 2 or not (pieces or set(COLUMNS) <= set(table)):
+    if len(found) < 2 or not (pieces or set(COLUMNS[:4]) <= set(table)):
         return None
     marks = {}
     for name, comment in found.items():
         marks[name] = as_finite(comment.line, name, comment.value)
         check_positive(f"line {comment.line}: {name}", marks[name])
     if not pieces:
-        return _saved_slices(table, marks, slices)
+        edges = [c for c in comments if c.name == "edge"]
+        return _saved_slices(table, marks, edges, slices)
     clay = _saved_function(table, marks, pieces)
     return clay if slices is None else clay.sliced(slices).clay
 
@@ -161,11 +163,23 @@ def _saved_function(table: dict, marks: dict, pieces: list[Comment]) -> SmoothCl
     return clay
 
 
-def _saved_slices(table: dict, marks: dict, slices: int | None) -> Clay:
-    """The clay of a file that jaxclay wrote; on another grid each slice keeps its radius."""
+def _saved_slices(table: dict, marks: dict, comments: list[Comment], slices: int | None) -> Clay:
+    """The clay of a file that jaxclay wrote; on another grid with the heights of its function."""
     is_slice = table["thickness"] > 0
     heights = np.concatenate([[0.0], table["top"][is_slice]])
-    clay = Clay(heights, table["thickness"][is_slice], marks["r0"], marks["unit"])
+    material = table.get("material")
+    if material is not None:
+        material = np.concatenate([[0.0], material[is_slice]])
+    edges = []
+    for comment in comments:
+        words = comment.value.split()
+        if len(words) != 2:
+            raise ValueError(f"line {comment.line}: an edge has its u and its radius, two numbers")
+        edges.append([as_finite(comment.line, "edge", word) for word in words])
+    clay = Clay(
+        heights, table["thickness"][is_slice], marks["r0"], marks["unit"], material,
+        np.array(edges).reshape(-1, 2),
+    )  # fmt: skip
     wrong = ~np.isclose(clay.radii, table["radius"][is_slice], rtol=1e-9, atol=0)
     if wrong.any():
         i = int(np.argmax(wrong))
@@ -173,20 +187,19 @@ def _saved_slices(table: dict, marks: dict, slices: int | None) -> Clay:
             f"radius {table['radius'][is_slice][i]:g} of slice {i} is not that of its thickness, "
             f"{clay.radii[i]:g}: a file edited by hand must not keep the columns thickness and top"
         )
-    if slices in (None, clay.slices):
+    if slices is None or slices == clay.slices:
         return clay
     check_slices(slices)
-    old, new = (np.arange(n + 1) / n for n in (clay.slices, slices))
-    heights = np.interp(new, old, heights)
-    return Clay(heights, np.diff(heights), clay.r0, clay.unit)
+    return on_nodes(clay, equal_nodes(slices))
 
 
 def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
     """Write the contour as CSV, in the clay's length unit.
 
-    Of clay in slices, rows of height, radius, thickness and top: the slices,
-    radius at mid-height, top their upper boundary, with a row of no thickness at
-    either end, where the contour turns to the axis.  The sum of pi radius^2
+    Of clay in slices, rows of height, radius, thickness and top, and of material where their
+    volumes differ: the slices, radius at mid-height, top and material (the fraction of the
+    volume below it) of their upper boundary, with rows of no thickness at the edges of tools
+    and at either end, where the contour turns to the axis.  The sum of pi radius^2
     thickness is the clay's volume to rounding; the smooth solid through the same
     points differs by O(h^2).
 
@@ -200,6 +213,8 @@ def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
         The file cannot be written.
     """
     comments = [f"# unit = {float(clay.unit)!r}", f"# r0 = {float(clay.r0)!r}"]
+    if isinstance(clay, Clay):
+        comments += [f"# edge = {float(u)!r} {float(radius)!r}" for u, radius in clay.edges]
     if isinstance(clay, SmoothClay):
         comments += [
             "# piece = " + " ".join(repr(float(v)) for v in (start, *heights))
@@ -217,20 +232,27 @@ def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
 
 
 def _rows_of_slices(clay: Clay) -> dict[str, np.ndarray]:
-    y, t, X = (np.asarray(v) for v in (clay.heights, clay.thickness, clay.radii))
-    return {
-        "height": np.concatenate([[0.0], (y[:-1] + y[1:]) / 2, [y[-1]]]),
-        "radius": np.concatenate([X[:1], X, X[-1:]]),
-        "thickness": np.concatenate([[0.0], t, [0.0]]),
-        "top": np.concatenate([y, y[-1:]]),
+    points, node = slice_points(clay), np.asarray(clay.heights)
+    top = np.searchsorted(node, points[:, 1])
+    at_edge = node[np.minimum(top, clay.slices)] == points[:, 1]
+    thickness = np.where(at_edge, 0.0, np.append(clay.thickness, 0.0)[np.maximum(top - 1, 0)])
+    columns = {
+        "height": _rising(points[:, 1]),
+        "radius": points[:, 0],
+        "thickness": thickness,
+        "top": node[top],
     }
+    return columns if clay.equal else columns | {"material": clay.material[top]}
 
 
 def _rows_of_function(clay: SmoothClay) -> dict[str, np.ndarray]:
     X, y = polyline(clay, _ROWS_WITHIN)[1:-1].T
-    # Rows must rise: where the radius jumps, its upper value stands one rounding higher.
-    level = np.append(False, np.diff(y) <= 0)
-    return {"height": np.where(level, np.nextafter(y, np.inf), y), "radius": X}
+    return {"height": _rising(y), "radius": X}
+
+
+def _rising(y: np.ndarray) -> np.ndarray:
+    """Heights of rows that rise: where the radius jumps, its upper value is a rounding higher."""
+    return np.where(np.append(False, np.diff(y) <= 0), np.nextafter(y, np.inf), y)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-COLUMNS = ("height", "radius", "thickness", "top")
+COLUMNS = ("height", "radius", "thickness", "top", "material")
 
 
 class Comment(NamedTuple):
@@ -75,6 +75,8 @@ def _checked_header(number: int, cells: list[str]) -> list[str]:
 def _check_row(number: int, row: dict[str, float], before: dict[str, float] | None) -> None:
     if row["radius"] < 0:
         raise ValueError(f"line {number}: radius is {row['radius']:g}, must be positive")
+    if not 0 <= row.get("material", 0.0) <= 1:
+        raise ValueError(f"line {number}: material is {row['material']:g}, must be from 0 to 1")
     if row.get("thickness", 0.0) < 0:
         raise ValueError(f"line {number}: thickness is {row['thickness']:g}, must be at least 0")
     if before and not row["height"] > before["height"]:
