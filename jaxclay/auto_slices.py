@@ -102,7 +102,7 @@ def deform_on_slices(
     smooth = as_smooth(clay) if isinstance(clay, Clay) else clay
 
     def posed(slices: int) -> Problem:
-        problem = pose(cut(smooth, slices), squash, material)
+        problem = pose(cut(smooth, slices), squash, material, "paper")
         assert isinstance(problem, Problem)
         return problem
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxclay.arrays import namespace
 from jaxclay.clay import Array, Material
 from jaxclay.scalar_search import around_least, follow, narrowed, sign_change
 from jaxclay.side import Side, edge_tension, move_energy, solve_sides
@@ -31,11 +32,14 @@ class Rest(NamedTuple):
     thickness : (n,) array
     heights : (n+1,) array
     r0 : scalar
+    material : (n+1,) array
+        Nodes u_i; i/n on the paper's scheme.
     """
 
     thickness: Array
     heights: Array
     r0: Array
+    material: Array
 
     @property
     def smooth(self) -> bool:
@@ -49,11 +53,11 @@ class Rest(NamedTuple):
 
     def material_at(self, height: Array) -> Array:
         """U0, the inverse of Y0."""
-        return jnp.interp(height, self.heights, self.nodes())
+        return namespace(self, height).interp(height, self.heights, self.nodes())
 
     def height_at(self, material: Array) -> Array:
         """Y0(u)."""
-        return jnp.interp(material, self.nodes(), self.heights)
+        return namespace(self, material).interp(material, self.nodes(), self.heights)
 
     def slope_at(self, material: Array) -> Array:
         """Y0_u of the slice that holds u."""
@@ -61,12 +65,17 @@ class Rest(NamedTuple):
         return self.thickness[i] * self.slices
 
     def nodes(self) -> Array:
-        """(n+1,) u_i = i h."""
-        return jnp.arange(self.slices + 1) / self.slices
+        """(n+1,) u_i."""
+        return self.material
 
     def slopes(self) -> Array:
         """(n,) Y0_u on each slice."""
-        return self.thickness * self.slices
+        return self.thickness / (self.material[1:] - self.material[:-1])
+
+    def held(self, band: Band) -> Array:
+        """(n+1,) whether each node belongs to the band."""
+        slack = _ON_NODE / self.slices
+        return (self.material >= band.lower - slack) & (self.material <= band.upper + slack)
 
     def least(self) -> Array:
         """Least share of the clay below a band above the bottom."""
@@ -79,7 +88,7 @@ class Rest(NamedTuple):
 
     def imposes(self, band: Band) -> Array:
         """Whether the band fixes two nodes, and so a radius."""
-        return jnp.sum(band.holds(self.slices)) >= 2
+        return jnp.sum(self.held(band)) >= 2
 
 
 class Tool(NamedTuple):
@@ -104,12 +113,6 @@ class Band(NamedTuple):
     top: Array
     feasible: Array
 
-    def holds(self, slices: int) -> Array:
-        """(n+1,) whether each node belongs to the band."""
-        nodes = jnp.arange(slices + 1) / slices
-        slack = _ON_NODE / slices
-        return (nodes >= self.lower - slack) & (nodes <= self.upper + slack)
-
 
 def tool_of(squash: Squash, unit: Array) -> Tool:
     """The squash over l."""
@@ -118,24 +121,25 @@ def tool_of(squash: Squash, unit: Array) -> Tool:
 
 def sides(rest, tool: Tool, band: Band) -> tuple[Side, Side]:
     """The clay below and above the band, each seen from the band's edge."""
+    xp = namespace(rest, tool, band)
     nodes = rest.nodes()
     slope = rest.slopes()
-    down, up = jnp.minimum(nodes, band.lower), jnp.maximum(nodes, band.upper)
+    down, up = xp.minimum(nodes, band.lower), xp.maximum(nodes, band.upper)
     below = Side(
         start=band.lower - down[1:],
         stop=band.lower - down[:-1],
         slope=slope,
         displacement=rest.height_at(band.lower) - band.bottom,
-        held=jnp.asarray(True),
-        graded=jnp.ones(()),
+        held=xp.asarray(True),
+        graded=xp.ones(()),
     )
     above = Side(
         start=up[:-1] - band.upper,
         stop=up[1:] - band.upper,
         slope=slope,
         displacement=band.top - rest.height_at(band.upper),
-        held=jnp.asarray(tool.top_fixed),
-        graded=jnp.ones(()),
+        held=xp.asarray(tool.top_fixed),
+        graded=xp.ones(()),
     )
     return below, above
 

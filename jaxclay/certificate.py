@@ -24,7 +24,7 @@ from jaxclay._host import pytree
 from jaxclay.clay import Array
 from jaxclay.curvature import Factors, factors_at
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
@@ -65,8 +65,8 @@ class Certificate:
     step : float
         Largest move to the local model's minimum, over the unit l.
     residual : float
-        max |r_i| / (h (mu + k)).  Shown, never a gate: at exact minima on fine
-        grids it is rounding noise.
+        max |r_i| / (w_i (mu + k)), w_i the node's share of the clay.  Shown, never a gate:
+        at exact minima on fine grids it is rounding noise.
     positive : bool
         Whether the Hessian is positive definite on the moves that are possible: if it
         must be, without the nodes that rest and without thinning what the floor pushes on.
@@ -103,7 +103,7 @@ def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
         accepted=best.passes(gate) & positive & admissible,
         decrement=jnp.where(positive, best.decrement, jnp.inf),
         step=jnp.where(positive, best.step, jnp.inf),
-        residual=best.residual * problem.slices / (problem.material.mu + problem.material.k),
+        residual=best.residual / (problem.material.mu + problem.material.k),
         positive=positive,
         admissible=admissible,
         energy_free=energy_free,
@@ -134,6 +134,7 @@ def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
     thresholds = jnp.asarray((-1.0, -1.0, *_AT_REST))
     keeps = problem.free & ~factors.dropped
     tight = touches_floor(problem, point)
+    shares = jnp.where(problem.free, problem.sums.nodes, 1.0)
 
     def judge(i):
         within = jnp.abs(d) <= thresholds[i]
@@ -152,7 +153,8 @@ def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
         honest = factors.plain.positive | jnp.all((floor > 0) | ~tight)
         decrement = jnp.where(jnp.isnan(decrement) | ~honest, jnp.inf, decrement)
         pushes = jnp.sum((floor > 0) & tight)
-        return _Verdict(decrement, jnp.max(jnp.abs(newton)), jnp.max(jnp.abs(r)), pushes)
+        residual = jnp.max(jnp.abs(r) / shares)
+        return _Verdict(decrement, jnp.max(jnp.abs(newton)), residual, pushes)
 
     def go_on(carry):
         i, best = carry

@@ -13,7 +13,7 @@ from jaxclay.banded import Model
 from jaxclay.clay import Array
 from jaxclay.local import Stiffness
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 _SPRING = 1e4  # over the Hessian's largest entry
 

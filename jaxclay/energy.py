@@ -14,15 +14,35 @@ import jax.numpy as jnp
 from jaxclay.clay import Array, Material
 
 
+class Weights(NamedTuple):
+    """Quadrature weights: sums over samples approximate integrals over u.
+
+    Attributes
+    ----------
+    slope, shift : of stretch and Y_u, and of shift
+    first, second : of X_u and Y_uu, and of X_uu
+    """
+
+    slope: Array
+    shift: Array
+    first: Array
+    second: Array
+
+
+def everywhere(weight: Array) -> Weights:
+    """The same weights for all."""
+    return Weights(weight, weight, weight, weight)
+
+
 class Samples(NamedTuple):
-    """What the density needs at each quadrature point; all (m,) arrays.
+    """What the density needs, arrays each at the places where a scheme has it.
 
     Attributes
     ----------
     stretch : Y_u / Y0_u
     shift : Y - Y0
     Y_u, Y_uu, X_u, X_uu : derivatives of the contour (X, Y) in u
-    weight : quadrature weights; the sum over samples approximates the integral over u
+    weights : of each
     """
 
     stretch: Array
@@ -31,7 +51,7 @@ class Samples(NamedTuple):
     X_u: Array
     Y_uu: Array
     X_uu: Array
-    weight: Array
+    weights: Weights
 
 
 class Terms(NamedTuple):
@@ -73,29 +93,33 @@ def friction_density(shift: Array, mu: Array) -> Array:
     return mu * jnp.abs(shift)
 
 
-def tension_density(X_u: Array, Y_u: Array, alpha: Array) -> Array:
-    """alpha |v_u|^2, eq. 8."""
-    return alpha * (X_u**2 + Y_u**2)
+def tension_density(v_u: Array, alpha: Array) -> Array:
+    """alpha v_u^2 of one coordinate of v = (X, Y), eq. 8."""
+    return alpha * v_u**2
 
 
-def bending_density(X_uu: Array, Y_uu: Array, beta: Array) -> Array:
-    """beta |v_uu|^2, eq. 8."""
-    return beta * (X_uu**2 + Y_uu**2)
+def bending_density(v_uu: Array, beta: Array) -> Array:
+    """beta v_uu^2 of one coordinate, eq. 8."""
+    return beta * v_uu**2
 
 
 def integrate(samples: Samples, material: Material) -> Terms:
     """The four terms of E_total (eq. 9): densities times weights, summed."""
-    s, m, w = samples, material, samples.weight
+    s, m, w = samples, material, samples.weights
+    X_u, Y_u = tension_density(s.X_u, m.alpha), tension_density(s.Y_u, m.alpha)
+    X_uu, Y_uu = bending_density(s.X_uu, m.beta), bending_density(s.Y_uu, m.beta)
     return Terms(
-        strain=jnp.sum(w * strain_density(s.stretch, m.k)),
-        friction=jnp.sum(w * friction_density(s.shift, m.mu)),
-        tension=jnp.sum(w * tension_density(s.X_u, s.Y_u, m.alpha)),
-        bending=jnp.sum(w * bending_density(s.X_uu, s.Y_uu, m.beta)),
+        strain=jnp.sum(w.slope * strain_density(s.stretch, m.k)),
+        friction=jnp.sum(w.shift * friction_density(s.shift, m.mu)),
+        tension=jnp.sum(w.first * X_u) + jnp.sum(w.slope * Y_u),
+        bending=jnp.sum(w.second * X_uu) + jnp.sum(w.first * Y_uu),
     )
 
 
 def integrate_smooth(samples: Samples, material: Material) -> Array:
-    """E_total without friction, in one sum."""
-    s, m = samples, material
-    density = strain_density(s.stretch, m.k) + tension_density(s.X_u, s.Y_u, m.alpha)
-    return jnp.sum(s.weight * (density + bending_density(s.X_uu, s.Y_uu, m.beta)))
+    """E_total without friction, in one sum of each kind."""
+    s, m, w = samples, material, samples.weights
+    slope = strain_density(s.stretch, m.k) + tension_density(s.Y_u, m.alpha)
+    first = tension_density(s.X_u, m.alpha) + bending_density(s.Y_uu, m.beta)
+    second = bending_density(s.X_uu, m.beta)
+    return jnp.sum(w.slope * slope) + jnp.sum(w.first * first) + jnp.sum(w.second * second)

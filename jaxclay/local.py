@@ -15,8 +15,8 @@ from jaxclay import banded
 from jaxclay.banded import Factor, Model
 from jaxclay.clay import Array
 from jaxclay.energy import integrate_smooth
-from jaxclay.schemes import paper
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes import sums
+from jaxclay.schemes.sums import Point
 
 if TYPE_CHECKING:
     from jaxclay.problem import Problem
@@ -55,16 +55,13 @@ def radius_curvature(problem: Problem, point: Point) -> Array:
     of squares: the Hessian less :func:`between_nodes` of these weights is that
     of Gauss and Newton, and positive definite.
     """
-    X = paper.radii(point.thickness, problem.rest.r0, problem.slices)
+    X = sums.radii(problem.rest, problem.sums, point.thickness)
 
     def energy(X):
-        samples = paper.sample_contour(problem.rest, point, X)
-        return integrate_smooth(paper.sample_free(samples, problem.free), problem.material)
+        samples = sums.sample_contour(problem.rest, problem.sums, point, X)
+        return integrate_smooth(sums.sample_free(samples, problem.free), problem.material)
 
-    def radius(t):
-        return paper.radii(t, problem.rest.r0, problem.slices)
-
-    bend = jax.vmap(jax.grad(jax.grad(radius)))(point.thickness)
+    bend = 0.75 * X / point.thickness**2
     return jnp.where(problem.loose, jax.grad(energy)(X) * bend, 0.0)
 
 

@@ -9,24 +9,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import compiled, in_float64
+from jaxclay._host import compiled, in_float64, is_concrete, is_transformed
 from jaxclay.certificate import certify
 from jaxclay.checks import check_tolerance
 from jaxclay.clay import Array, Clay, Material
-from jaxclay.conversion import cut
 from jaxclay.implicit import solve_implicitly
 from jaxclay.loop import Outcome
 from jaxclay.methods.choice import method_settings, spline_settings
-from jaxclay.posing import pose
+from jaxclay.posing import check_scheme, pose
 from jaxclay.problem import Problem
 from jaxclay.resolution import hidden_by_rounding
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.slices.edges import with_edges
+from jaxclay.schemes.slices.ladder import carried
+from jaxclay.schemes.slices.nodes import least_slices
+from jaxclay.schemes.slices.posing import counted, located, pose_on_host
 from jaxclay.schemes.spline.host import deform_to_tolerance, minimize_on_mesh
 from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape, rough_shape
 from jaxclay.smooth_clay import SmoothClay
 from jaxclay.solution import Solution, Status, Verdict, status_code
-from jaxclay.squash import Squash
+from jaxclay.squash import Squash, check_fits
 from jaxclay.start import Begin, begin_from, first_start, within
 from jaxclay.window import Piece, minimize_in_window
 
@@ -39,12 +42,16 @@ def deform(
     *,
     scheme: str | None = None,
     tolerance: float | None = None,
-    slices: int | str | None = None,
-    degree: int = 5,
+    slices: int | tuple[int, int, int] | str | None = None,
+    spacing: str | None = None,
+    degree: int | None = None,
     elements: int | None = None,
     **settings: Any,
 ) -> Solution:
     """Squash the clay: pose (eqs. 10, 11), rough shape (12 to 19), minimum of E_total (9).
+
+    On the scheme "slices" newton solves on half as many slices first, twice, and each time the
+    nodes go where the answer before bends; so the problem is the same for every method.
 
     Parameters
     ----------
@@ -53,15 +60,14 @@ def deform(
     method : str
         A key of :data:`jaxclay.METHODS`.
     scheme : str, optional
-        "paper" or "spline"; if not given, "spline" where there is a tolerance.
+        "slices", "paper" or "spline", as :func:`pose` takes it; if not given "slices", or
+        "spline" where there is a tolerance.
     tolerance : float, optional
         Largest error of the contour, over the unit l, that the answer may have: as few
         unknowns as that needs are used, and ``error_estimate`` says what was met.
         With scheme "paper" that takes ``slices="auto"``.
-    slices : int or "auto", optional
-        For the paper's scheme: cut the clay into so many slices first.
-    degree, elements : int, optional
-        Of the splines, see :func:`pose`; a tolerance chooses the elements by itself.
+    slices, spacing, degree, elements : optional
+        As :func:`pose` takes them; a tolerance chooses slices and elements by itself.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
 
@@ -77,46 +83,74 @@ def deform(
         give or out of range; arguments that do not go together.
     """
     scheme = _scheme(scheme, tolerance, slices, elements)
-    if tolerance is None:
-        if isinstance(slices, int):
-            clay = cut(clay, slices)
-        count = 8 if elements is None else elements
-        return minimize(pose(clay, squash, material, scheme, degree, count), method, **settings)
-    check_tolerance(tolerance)
-    if scheme == "paper":
-        from jaxclay.auto_slices import deform_on_slices
+    given = {"slices": slices, "spacing": spacing, "degree": degree, "elements": elements}
+    check_scheme(scheme, **given)
+    if tolerance is not None:
+        check_tolerance(tolerance)
+        if scheme == "paper":
+            from jaxclay.auto_slices import deform_on_slices
 
-        return deform_on_slices(clay, squash, material, method, tolerance, settings)
-    chosen = spline_settings(method, settings)
-    return deform_to_tolerance(clay, squash, material, tolerance, degree, chosen, method)
+            return deform_on_slices(clay, squash, material, method, tolerance, settings)
+        chosen = spline_settings(method, settings)
+        degree = 5 if degree is None else degree
+        return deform_to_tolerance(clay, squash, material, tolerance, degree, chosen, method)
+    if scheme == "slices" and isinstance(clay, Clay) and is_concrete(clay, squash, material):
+        return _placed_twice(clay, squash, material, method, slices, spacing, settings)
+    return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
 
 
 def _scheme(scheme, tolerance, slices, elements) -> str:
-    """The scheme meant; raises where arguments do not go together."""
+    """The scheme meant; raises where a tolerance does not go with the rest."""
     if scheme is None:
-        scheme = "paper" if tolerance is None or slices is not None else "spline"
-    if scheme == "spline":
-        if slices is not None:
-            raise ValueError(f'slices={slices!r} belongs to scheme "paper", not to "spline"')
-        if tolerance is not None and elements is not None:
-            raise ValueError("give elements or a tolerance, which chooses them, not both")
-        return scheme
-    if elements is not None:
-        raise ValueError(f'elements={elements!r} belongs to scheme "spline", not to "paper"')
-    if (slices == "auto") != (tolerance is not None):
+        default = "slices" if tolerance is None else "spline"
+        scheme = "paper" if isinstance(slices, str) else default
+    if scheme == "slices" and tolerance is not None:
+        raise ValueError(
+            f'tolerance={tolerance!r} goes with scheme "spline", or with "paper" and '
+            'slices="auto": give slices instead'
+        )
+    if scheme == "spline" and tolerance is not None and elements is not None:
+        raise ValueError("give elements or a tolerance, which chooses them, not both")
+    if isinstance(slices, str) and slices != "auto":
+        raise ValueError(f'slices must be a whole number or "auto", got {slices!r}')
+    if scheme == "paper" and (slices == "auto") != (tolerance is not None):
         raise ValueError(
             'on the paper\'s scheme a tolerance takes slices="auto" and slices="auto" a '
             f"tolerance: got slices={slices!r} and tolerance={tolerance!r}"
         )
-    if isinstance(slices, str) and slices != "auto":
-        raise ValueError(f'slices must be a whole number or "auto", got {slices!r}')
     return scheme
+
+
+def _placed_twice(clay, squash, material, method, slices, spacing, settings) -> Solution:
+    """The answer on nodes placed by the answer on half as many slices, where there are enough."""
+    method_settings(method, settings)
+    check_fits(squash, clay)
+    found = located(clay, squash, material)
+    wanted = clay.slices if slices is None else slices
+    total, counts = counted(wanted)
+    half = total // 2
+    if spacing == "equal" or counts is not None or half < least_slices(found.band):
+        posed = pose_on_host(found, wanted, spacing or "placed")
+        return minimize(posed, method, **settings)
+    coarse, levels = None, []
+    for _ in range(_PLACINGS):
+        coarse = minimize(pose_on_host(found, half, "placed", coarse))
+        levels.append(int(coarse.iterations))
+        if coarse.status is not Status.CONVERGED:
+            return minimize(pose_on_host(found, total, "placed"), method, **settings)
+    problem = pose_on_host(found, total, "placed", coarse)
+    start = carried(problem, coarse) if method == "newton" else None
+    solution = minimize(problem, method, start, **settings)
+    if start is not None and solution.status is not Status.CONVERGED:
+        again = minimize(problem, method, **settings)
+        solution = again if again.status is Status.CONVERGED else solution
+    return dataclasses.replace(solution, levels=np.array(levels))
 
 
 def minimize(
     problem: Problem | SplineProblem,
     method: str = "newton",
-    start: Array | Solution | None = None,
+    start: Array | Point | Solution | None = None,
     window: str | tuple[float, float] | None = None,
     **settings: Any,
 ) -> Solution:
@@ -131,14 +165,14 @@ def minimize(
         From :func:`pose`.
     method : str
         A key of :data:`jaxclay.METHODS`.
-    start : (n+1,) array or Solution, optional
+    start : (n+1,) array, Point or Solution, optional
         Heights to start from, in the clay's length unit (coefficients (N,) for a
-        spline); what is prescribed is put where the tool wants it.  Or the answer to a
-        squash close by of the same clay, whose displacements, multipliers and resting
+        spline), or a point over l; what is prescribed is put where the tool wants it.  Or the
+        answer to a squash close by of the same clay, whose displacements, multipliers and resting
         nodes are used: that is for dragging a tool.  If not given, the rough shape; on
-        more than 256 slices ``newton`` goes by way of coarser grids.
+        more than 256 slices of the paper's scheme ``newton`` goes by way of coarser grids.
     window : "auto" or (bottom, top), optional
-        On the paper's scheme, solve for the clay between these heights of the clay before
+        On slices, solve for the clay between these heights of the clay before
         the squash only, or, if "auto", for what the sliced cylinder model moves and some
         more; wider where clay outside turns out to move.  The answer is judged
         as a whole.
@@ -161,7 +195,7 @@ def minimize(
     """
     if isinstance(problem, SplineProblem):
         if window is not None:
-            raise ValueError(f'window={window!r} belongs to scheme "paper", not to "spline"')
+            raise ValueError(f'window={window!r} belongs to slices, not to scheme "spline"')
         return minimize_on_mesh(problem, start, spline_settings(method, settings), method)
     chosen = method_settings(method, settings)
     whole = begin_from(problem, start)
@@ -177,6 +211,9 @@ def minimize(
             return conclude(problem, rough, outcome, method)
     answer = in_float64("minimize", _answered, problem, whole, chosen, method=method)
     return solution_of(problem, answer, method)
+
+
+_PLACINGS = 2  # on half as many slices, before the last one
 
 
 class Answer(NamedTuple):
@@ -202,8 +239,11 @@ def _answered(problem: Problem, begin: Begin, settings: Any, *, method: str) -> 
 def solution_of(problem: Problem, answer: Answer, method: str) -> Solution:
     """The answer as users see it."""
     rough, outcome, levels, verdict = answer
+    clay = verdict.clay
+    if problem.before is not None and not is_transformed(clay):
+        clay = with_edges(clay, problem, verdict.point.shift)
     return Solution(
-        clay=verdict.clay,
+        clay=clay,
         point=verdict.point,
         energy=verdict.terms.total,
         terms=verdict.terms,

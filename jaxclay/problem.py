@@ -15,8 +15,8 @@ from jaxclay.banded import Model
 from jaxclay.clay import Array, Clay, Material, unchecked_clay
 from jaxclay.energy import Samples, Terms, integrate, integrate_smooth
 from jaxclay.local import Stiffness
-from jaxclay.schemes import paper
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes import sums
+from jaxclay.schemes.sums import Point, Sums
 
 
 @pytree
@@ -27,7 +27,7 @@ class Problem:
     Attributes
     ----------
     clay : Clay
-        The shape before the squash, in its own length unit.
+        The shape before the squash, in its own length unit, on the nodes of this problem.
     rest : Rest
         The same over l.
     tool : Tool
@@ -39,6 +39,15 @@ class Problem:
         Nodes whose height is prescribed: the band's, the lower end, a held upper end.
     shift : (n+1,) array
         Y_i - Y0_i of the fixed nodes, 0 at the others.
+    sums : Sums
+        Spacings and weights of the energy's sums.
+    band_terms : Terms
+        What E_total has beside the sums over free nodes, on the scheme "slices": the clay under
+        the tool, which no minimiser moves.
+    before : Clay or None
+        The clay as it was given, on its own nodes; not there inside transformations.
+    scheme : str
+        "paper" or "slices".
     """
 
     clay: Clay
@@ -48,6 +57,10 @@ class Problem:
     band: Band
     fixed: Array
     shift: Array
+    sums: Sums
+    band_terms: Terms
+    before: Clay | None = dataclasses.field(default=None, metadata={"host": True})
+    scheme: str = dataclasses.field(default="paper", metadata={"static": True})
 
     @property
     def slices(self) -> int:
@@ -79,7 +92,7 @@ class Problem:
     @property
     def banded(self) -> Array:
         """(n,) slices between two nodes of the band."""
-        held = self.band.holds(self.slices)
+        held = self.rest.held(self.band)
         return held[1:] & held[:-1]
 
     @property
@@ -89,13 +102,14 @@ class Problem:
 
     @property
     def band_thickness(self) -> Array:
-        """Thickness of a slice of the tool's radius (eq. 10)."""
-        return (self.rest.r0 / self.tool.radius) ** 2 / self.slices
+        """(n,) thickness of slices of the tool's radius (eq. 10)."""
+        return (self.rest.r0 / self.tool.radius) ** 2 * self.sums.width
 
     def point(self, heights: Array) -> Point:
         """Heights (n+1,) in the clay's length unit as a point."""
         scaled = heights / self.clay.unit
-        return Point(jnp.diff(scaled), scaled - self.rest.heights)
+        point = Point(jnp.diff(scaled), scaled - self.rest.heights)
+        return point if self.scheme == "paper" else self.imposed(point)
 
     def shape(self, point: Point) -> Clay:
         """The point as clay in its own length unit; what rests is the old clay bit for bit."""
@@ -103,7 +117,30 @@ class Problem:
         heights = jnp.where(moves, (self.rest.heights + point.shift) * clay.unit, clay.heights)
         changed = point.thickness != self.rest.thickness
         thickness = jnp.where(changed, point.thickness * clay.unit, clay.thickness)
-        return unchecked_clay(heights, thickness, clay.r0, clay.unit)
+        edges = clay.edges if self.scheme == "paper" else self._edges(point)
+        return unchecked_clay(heights, thickness, clay.r0, clay.unit, clay.material, edges)
+
+    def _edges(self, point: Point) -> Array:
+        """(4, 2) material and radius, in length units, below and above each edge of the band."""
+        radius, scale = self.tool.radius, self.clay.unit
+        X = sums.radii(self.rest, self.sums, point.thickness)
+        middle = (self.rest.material[1:] + self.rest.material[:-1]) / 2
+        smooth = (self.material.alpha > 0) | (self.material.beta > 0)
+
+        def outside(edge: Array, i: Array, step: int) -> Array:
+            """The radius beside the band; without smoothing it need not be the tool's."""
+            near, far = (jnp.clip(i + j * step, 0, self.slices - 1) for j in (0, 1))
+            share = (edge - middle[near]) / jnp.where(far == near, 1.0, middle[near] - middle[far])
+            beyond = jnp.maximum(X[near] + share * (X[near] - X[far]), X[near] / 2)
+            return jnp.where(smooth | self.banded[near], radius, beyond)
+
+        held = self.rest.held(self.band)
+        first = jnp.argmax(held)
+        last = self.slices - jnp.argmax(held[::-1])
+        low, high = self.rest.material[first], self.rest.material[last]
+        below, above = outside(low, first - 1, -1), outside(high, last, 1)
+        edges = jnp.stack([low, low, high, high]), jnp.stack([below, radius, radius, above])
+        return jnp.stack([edges[0], edges[1] * scale], axis=1)
 
     def imposed(self, point: Point) -> Point:
         """The point with its fixed nodes, and the slices between them, as the tool wants them."""
@@ -113,7 +150,9 @@ class Problem:
 
     def terms(self, point: Point) -> Terms:
         """The energy's four terms at a point; pure, in JAX's dtype: see :func:`energy_terms`."""
-        return integrate(paper.sample(self.rest, point), self.material)
+        if self.scheme == "paper":
+            return integrate(sums.sample(self.rest, self.sums, point), self.material)
+        return jax.tree.map(jnp.add, self.free_terms(point), self.band_terms)
 
     def free_terms(self, point: Point) -> Terms:
         """The same over the terms that touch a free node: their sum is E_free."""
@@ -125,8 +164,7 @@ class Problem:
 
     def room(self) -> tuple[Array, Array]:
         """Length that a held upper end leaves above the band, and the least that the clay needs."""
-        nodes = np.arange(self.slices + 1) / self.slices
-        edge = np.interp(self.band.upper, nodes, self.rest.heights)
+        edge = np.interp(self.band.upper, self.rest.material, self.rest.heights)
         top, unit = self.rest.heights[-1], self.clay.unit
         return (top - self.tool.top) * unit, self.material.floor * (top - edge) * unit
 
@@ -135,8 +173,8 @@ class Problem:
 
     @property
     def friction_limit(self) -> Array:
-        """(n+1,) h mu at the free nodes, 0 at the fixed ones: the most that friction can hold."""
-        return jnp.where(self.free, self.material.mu / self.slices, 0.0)
+        """(n+1,) mu times a node's share of the clay at the free nodes, 0 at the fixed ones."""
+        return jnp.where(self.free, self.material.mu * self.sums.nodes, 0.0)
 
     @property
     def rest_thickness(self) -> Array:
@@ -198,7 +236,7 @@ class Problem:
 
         Spread evenly between its ends a side is above the floor if it can be at all.
         """
-        held = self.band.holds(self.slices)
+        held = self.rest.held(self.band)
         upper = jnp.arange(self.slices) >= jnp.argmax(held)
         change = jnp.zeros_like(point.thickness)
         for side in (self.loose & ~upper, self.loose & upper):
@@ -218,4 +256,4 @@ class Problem:
         return Point(jnp.where(home, self.rest.thickness, moved.thickness), shift)
 
     def _free_samples(self, point: Point) -> Samples:
-        return paper.sample_free(paper.sample(self.rest, point), self.free)
+        return sums.sample_free(sums.sample(self.rest, self.sums, point), self.free)

@@ -20,7 +20,7 @@ from jaxclay.methods import METHODS
 from jaxclay.methods.base import lifted
 from jaxclay.posing import placed
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 from jaxclay.scm import rough_shape
 
 _ON_NODE = 1e-6  # in slices: how far beyond a node the band's edge still counts as on it
@@ -42,7 +42,8 @@ def refined_start(problem: Problem, rough: Point, settings: Any, method: str, wa
     The rough shape and zeros if it is not wanted; and where the rough shape is
     near enough, or the method gains nothing from a start close by.
     """
-    sizes = grids(problem.slices) if METHODS[method].resume else []
+    direct = problem.scheme == "slices" or METHODS[method].resume is None
+    sizes = [] if direct else grids(problem.slices)
     none = rough, jnp.zeros(len(sizes), int)
 
     def climb():
@@ -67,7 +68,7 @@ def coarsened(problem: Problem, slices: int) -> Problem:
     """The same squash on fewer slices, its band widened to the nodes around it."""
     rest, clay, band = problem.rest, problem.clay, problem.band
     heights = rest.height_at(jnp.arange(slices + 1) / slices)
-    coarse = Rest(jnp.diff(heights), heights, rest.r0)
+    coarse = Rest(jnp.diff(heights), heights, rest.r0, jnp.arange(slices + 1) / slices)
     lower = jnp.floor(band.lower * slices + _ON_NODE) / slices
     upper = jnp.ceil(band.upper * slices - _ON_NODE) / slices
     density = (rest.r0 / problem.tool.radius) ** 2

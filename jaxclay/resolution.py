@@ -32,7 +32,7 @@ def resolvable_slices(problem: Problem) -> int:
 
 def _ratio(problem: Problem) -> Array:
     """The factor over n^6, of the slice where it is largest; X^2 = r0^2 / Y_u."""
-    thinnest = (problem.rest.thickness * problem.slices).min()
+    thinnest = problem.rest.slopes().min()
     steepness = problem.rest.r0**2 / thinnest**3
     k, beta = problem.material.k, problem.material.beta
     return beta / (k + _OWN * beta) * steepness

@@ -6,13 +6,15 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
+import numpy as np
 
-from jaxclay._host import compiled, in_float64, pytree
+from jaxclay._host import compiled, in_float64, is_concrete, pytree
 from jaxclay.band import Band, sides
 from jaxclay.bernstein import DEGREE
 from jaxclay.clay import Array, Clay, unchecked_clay
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.slices.edges import with_jumps
+from jaxclay.schemes.sums import Point
 from jaxclay.side import Push, slope_change, solve_sides
 from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
 
@@ -76,7 +78,9 @@ class RoughShape:
             control = low + (high - low) * (jnp.arange(DEGREE + 1) / DEGREE)
             return unchecked_smooth_clay(self.nodes, control, before.r0, before.unit)
         thickness = self.point.thickness * before.unit
-        return unchecked_clay(self.heights, thickness, before.r0, before.unit)
+        shape = unchecked_clay(self.heights, thickness, before.r0, before.unit, self.nodes)
+        exact = is_concrete(shape, self.band) and np.isin(self.band, shape.material).all()
+        return with_jumps(shape, np.asarray(self.band)) if exact and not shape.equal else shape
 
     @property
     def case(self) -> str:
@@ -140,8 +144,9 @@ def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
     change_above = slope_change(above, problem.material, push_above.sigma)
 
     outside = below.width + above.width
-    inside = jnp.maximum(1 - problem.slices * outside, 0.0) * problem.band_thickness
-    rest_thickness = problem.rest.thickness * problem.slices * outside
+    outside = outside / problem.sums.width
+    inside = jnp.maximum(1 - outside, 0.0) * problem.band_thickness
+    rest_thickness = problem.rest.thickness * outside
     thickness = rest_thickness + change_below + change_above + inside
     # Displacements add up from the far ends, so that clay beyond the reach rests exactly.
     rises = jnp.where(push_above.case == 2, above.displacement + jnp.sum(change_above), 0.0)
@@ -158,7 +163,7 @@ def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
 
 def _node_band(problem: Problem) -> Band:
     """The band from its first to its last fixed node."""
-    held = problem.band.holds(problem.slices)
+    held = problem.rest.held(problem.band)
     first = jnp.argmax(held)
     last = problem.slices - jnp.argmax(held[::-1])
     nodes, heights = problem.rest.nodes(), problem.rest.heights + problem.shift

@@ -128,6 +128,12 @@ class Solution:
     method: str = dataclasses.field(metadata={"static": True})
 
     @property
+    def before(self) -> Any:
+        """The clay before the squash, on its own nodes where those are known."""
+        before = getattr(self.problem, "before", None)
+        return self.problem.clay if before is None else before
+
+    @property
     def heights(self) -> Array:
         """(n+1,) Y_i, in the clay's length unit; where pieces meet if the clay is a function."""
         return self.clay.heights

@@ -15,7 +15,7 @@ from jaxclay.loop import Start
 from jaxclay.methods.base import lifted
 from jaxclay.problem import Problem
 from jaxclay.refine import refined_start
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 from jaxclay.solution import Solution
 from jaxclay.window import Piece
 
@@ -40,11 +40,13 @@ class Begin(NamedTuple):
     forces: Forces
 
 
-def begin_from(problem: Problem, start: Array | Solution | None) -> Begin:
+def begin_from(problem: Problem, start: Array | Point | Solution | None) -> Begin:
     """What the caller gave as start, checked."""
     forces = Forces(np.zeros(problem.slices + 1), np.zeros(problem.slices))
     if start is None:
         return Begin(np.array(ROUGH), Point(forces.floor, forces.friction), forces)
+    if isinstance(start, Point):
+        return Begin(np.array(HEIGHTS), start, forces)
     if not isinstance(start, Solution):
         return Begin(np.array(HEIGHTS), start_from(problem, start), forces)
     if start.problem.slices != problem.slices:
@@ -57,13 +59,12 @@ def begin_from(problem: Problem, start: Array | Solution | None) -> Begin:
 
 
 def within(piece: Piece, begin: Begin) -> Begin:
-    """A beginning cut to a window, whose forces are those of a clay of its own."""
+    """A beginning cut to a window."""
     (lam, z), (thickness, shift) = begin.forces, begin.point
-    more = (z.shape[0]) / piece.size
     return Begin(
         begin.kind,
         Point(piece.of(thickness), piece.of(shift, 1)),
-        Forces(more * piece.of(lam, 1), more * piece.of(z)),
+        Forces(piece.of(lam, 1), piece.of(z)),
     )
 
 

@@ -1,16 +1,13 @@
 """Only the part that moves: solve in a window, check what rests outside, widen if need be.
 
-A window of m of n slices is a piece of clay of its own, m/n of the whole, whose
-ends are held at rest: with u' = u n/m, alpha (n/m)^2 and beta (n/m)^4 its energy
-times m/n is what the window adds to the whole.  Outside, clay rests as long as
-friction can balance the forces there.
+A window of some of the slices is a problem of its own, with their part of the sums, whose
+ends are held at rest.  Outside, clay rests as long as friction can balance the forces there.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -19,12 +16,12 @@ import numpy as np
 
 from jaxclay import local
 from jaxclay._host import compiled, in_float64, is_transformed
-from jaxclay.band import Rest, Tool
+from jaxclay.band import Rest
 from jaxclay.certificate import Forces
 from jaxclay.clay import Array, unchecked_clay
 from jaxclay.loop import Outcome
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape
 
 Window = str | tuple[float, float] | None
@@ -80,14 +77,15 @@ class Piece(NamedTuple):
 
 def _wanted(problem: Problem, rough: RoughShape, window: Window) -> tuple[int, int]:
     """First and last node that the window should hold."""
-    n = problem.slices
-    band = np.array([problem.band.lower, problem.band.upper]) * n
+    n, u = problem.slices, problem.rest.material
+    band = np.interp([problem.band.lower, problem.band.upper], u, np.arange(n + 1))
     if isinstance(window, str):
         if window != "auto":
             raise ValueError(f"window must be 'auto' or (bottom, top), got {window!r}")
-        spare = _SPARE * float(rough.reach - rough.reach_below) * n
-        low, high = float(rough.reach_below) * n - spare, float(rough.reach) * n + spare
-        return max(int(low), 0), min(int(np.ceil(high)), n)
+        spare = _SPARE * float(rough.reach - rough.reach_below)
+        ends = float(rough.reach_below) - spare, float(rough.reach) + spare
+        low, high = np.interp(ends, u, np.arange(n + 1))
+        return int(low), int(np.ceil(high))
     bottom, top = _numbers(window)
     height = float(problem.clay.height)
     if not 0 <= bottom < top <= height:
@@ -117,34 +115,24 @@ def _numbers(window: Any) -> tuple[float, float]:
 def _cut(problem: Problem, first: Array, *, size: int) -> Problem:
     """The window as a problem of its own."""
     n, first = problem.slices, jnp.asarray(first, int)
-    share = size / n
-    slices = partial(jax.lax.dynamic_slice, start_indices=(first,), slice_sizes=(size,))
-    nodes = partial(jax.lax.dynamic_slice, start_indices=(first,), slice_sizes=(size + 1,))
-    rest, clay, tool, band = problem.rest, problem.clay, problem.tool, problem.band
-    below, material = rest.heights[first], problem.material
+
+    def cut(values: Array, more: int = 0) -> Array:
+        return jax.lax.dynamic_slice(values, (first,), (size + more,))
+
+    rest, clay = problem.rest, problem.clay
     held_below, held_above = first > 0, first + size < n
     node = jnp.arange(size + 1)
-    cut = (held_below & (node < _EDGE)) | (held_above & (node > size - _EDGE))
-    piece = unchecked_clay(
-        nodes(clay.heights) - clay.heights[first],
-        slices(clay.thickness),
-        clay.r0 * jnp.sqrt(share),
-        clay.unit,
-    )
-    stiffer = {"alpha": material.alpha / share**2, "beta": material.beta / share**4}
-    return Problem(
-        clay=piece,
-        rest=Rest(slices(rest.thickness), nodes(rest.heights) - below, rest.r0 * jnp.sqrt(share)),
-        tool=Tool(tool.bottom - below, tool.top - below, tool.radius, tool.top_fixed | held_above),
-        material=dataclasses.replace(material, **stiffer),
-        band=band._replace(
-            lower=(band.lower - first / n) / share,
-            upper=(band.upper - first / n) / share,
-            bottom=band.bottom - below,
-            top=band.top - below,
+    held = (held_below & (node < _EDGE)) | (held_above & (node > size - _EDGE))
+    return dataclasses.replace(
+        problem,
+        clay=unchecked_clay(
+            cut(clay.heights, 1), cut(clay.thickness), clay.r0, clay.unit, cut(clay.material, 1)
         ),
-        fixed=nodes(problem.fixed) | cut,
-        shift=nodes(problem.shift),
+        rest=Rest(cut(rest.thickness), cut(rest.heights, 1), rest.r0, cut(rest.material, 1)),
+        tool=problem.tool._replace(top_fixed=problem.tool.top_fixed | held_above),
+        fixed=cut(problem.fixed, 1) | held,
+        shift=cut(problem.shift, 1),
+        sums=problem.sums.cut(first, size),
     )
 
 
@@ -152,7 +140,7 @@ def _cut(problem: Problem, first: Array, *, size: int) -> Problem:
 def _put_back(problem: Problem, first: Array, part: Outcome) -> tuple[Outcome, Array]:
     """The window's outcome within the whole clay; whether it is too narrow (below, above)."""
     n, size = problem.slices, part.point.thickness.shape[0]
-    first, share = jnp.asarray(first, int), size / n
+    first = jnp.asarray(first, int)
 
     def within(whole: Array, piece: Array) -> Array:
         return jax.lax.dynamic_update_slice(whole, piece, (first,))
@@ -166,10 +154,10 @@ def _put_back(problem: Problem, first: Array, part: Outcome) -> tuple[Outcome, A
     below = (first > 0) & (node < first + _EDGE)
     above = (first + size < n) & (node > first + size - _EDGE)
     balance = jnp.clip(-g, -limit, limit)
-    friction = within(balance, share * part.forces.friction)
+    friction = within(balance, part.forces.friction)
     forces = Forces(
         jnp.where(below | above, balance, friction),
-        within(jnp.zeros(n), share * part.forces.floor),
+        within(jnp.zeros(n), part.forces.floor),
     )
     moves = problem.free & (jnp.abs(g) > limit)
     wider = jnp.stack([jnp.any(moves & below), jnp.any(moves & above)])

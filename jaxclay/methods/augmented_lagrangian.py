@@ -2,9 +2,9 @@
 
 Over Y and X, E_total is convex: quadratics and friction.  What is not is eq. 22,
 
-    c_i = X_i^2 (Y_{i+1} - Y_i) n / r0^2 - 1 = 0,
+    c_i = X_i^2 (Y_{i+1} - Y_i) / (h_i r0^2) - 1 = 0,
 
-which enters as h sum (m_i c_i + rho/2 c_i^2).  Each stage of friction
+which enters as sum h_i (m_i c_i + rho/2 c_i^2).  Each stage of friction
 (:mod:`jaxclay.methods.stages`) ends with m_i += rho c_i, and rho grows where the
 largest |c_i| has not fallen to a quarter (Hestenes 1969, Powell 1969; Nocedal and
 Wright 2006, section 17.3).  The minimiser inside is jaxopt's L-BFGS; the floor is the
@@ -31,8 +31,8 @@ from jaxclay.methods.lbfgs import JAXOPT
 from jaxclay.methods.smoothed import PLAIN_EPS, DescentSettings, Task
 from jaxclay.methods.stages import Stage, first_stage, next_stage
 from jaxclay.problem import Problem
-from jaxclay.schemes import paper
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes import sums
+from jaxclay.schemes.sums import Point
 
 _GROWTH = 10.0  # of rho
 _FALLS = 0.25  # what of the violation may be left if rho is to stay
@@ -69,12 +69,12 @@ class _Memory(NamedTuple):
 
         def lagrangian(x: Array) -> Array:
             point, radii = self.shape(problem, x)
-            samples = paper.sample_contour(problem.rest, point, radii)
-            smooth = integrate_smooth(paper.sample_free(samples, problem.free), problem.material)
+            samples = sums.sample_contour(problem.rest, problem.sums, point, radii)
+            smooth = integrate_smooth(sums.sample_free(samples, problem.free), problem.material)
             kinks = self.stage.friction(problem, point.shift)
             floor = self.stage.penalty(problem, point.thickness)
             c = _constraint(problem, point, radii)
-            volume = jnp.mean(self.multipliers * c + self.rho / 2 * c**2)
+            volume = jnp.sum(problem.sums.width * (self.multipliers * c + self.rho / 2 * c**2))
             return (smooth + kinks + floor + volume) / problem.material.k
 
         # In heights the strain's least curvature is about k h.
@@ -89,7 +89,7 @@ class _Memory(NamedTuple):
 def init(problem: Problem, start: Point, settings: LagrangianSettings) -> State:
     """Start with the radii of eq. 22 and without multipliers."""
     m, n = problem.material, problem.slices
-    radii = paper.radii(start.thickness, problem.rest.r0, n)
+    radii = sums.radii(problem.rest, problem.sums, start.thickness)
     # As stiff along the heights as strain, tension and bending are.
     rho = m.k + m.alpha + 4 * m.beta * n**2
     stage, violation = first_stage(start, PLAIN_EPS), jnp.asarray(jnp.inf)
@@ -140,7 +140,7 @@ def _turned(
 
 def _constraint(problem: Problem, point: Point, radii: Array) -> Array:
     """(n,) c_i, 0 where neither end of a slice is free."""
-    c = radii**2 * point.thickness * problem.slices / problem.rest.r0**2 - 1
+    c = radii**2 * point.thickness / problem.sums.width / problem.rest.r0**2 - 1
     return jnp.where(problem.loose, c, 0.0)
 
 

@@ -22,7 +22,8 @@ from jaxclay._host import is_concrete, pytree
 from jaxclay.clay import Array
 from jaxclay.methods.base import Method, State, check_setting, no_forces
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point, radii
+from jaxclay.schemes import sums
+from jaxclay.schemes.sums import Point
 
 _APART = 4  # nodes between lanes: one more than the reach of a move
 _BLOCK = 512  # sweeps started before their ends are looked at
@@ -111,6 +112,12 @@ class _Lanes(NamedTuple):
     exists: Array  # whether the slot holds a slice
     node: Array  # the slot's node, -1 for padding
     free: Array
+    width: Array  # h_i, and the sums' weights and spacings, weights 0 where there are no terms
+    slices: Array
+    nodes: Array
+    apart: Array
+    between: Array
+    turn: Array  # 1/c_i, 0 where there is no X_uu
 
     def turned(self) -> _Lanes:
         return _Lanes(*(jnp.stack([a[1], a[2], a[3], jnp.roll(a[0], -1)]) for a in self))
@@ -142,7 +149,7 @@ def _sweep(problem: Problem, point: Point, step, sweeps, threshold):
 
 
 def _lay_out(problem: Problem, point: Point) -> _Lanes:
-    n = problem.slices
+    n, w = problem.slices, problem.sums
     slots = -(-(n + 1 + _APART) // _APART) * _APART
 
     def lay(values, padding):
@@ -151,12 +158,18 @@ def _lay_out(problem: Problem, point: Point) -> _Lanes:
 
     return _Lanes(
         thickness=lay(point.thickness, 1.0),
-        radius=lay(radii(point.thickness, problem.rest.r0, n), 0.0),
+        radius=lay(sums.radii(problem.rest, problem.sums, point.thickness), 0.0),
         shift=lay(point.shift, 0.0),
         rest=lay(problem.rest.thickness, 1.0),
         exists=lay(jnp.ones(n), 0.0),
         node=lay(jnp.arange(n + 1), -1),
         free=lay(problem.free, False),
+        width=lay(w.width, 1.0),
+        slices=lay(w.slices, 0.0),
+        nodes=lay(w.nodes, 0.0),
+        apart=lay(w.apart, 1.0),
+        between=lay(w.between, 0.0),
+        turn=lay(jnp.pad(1 / w.turn, 1), 0.0),
     )
 
 
@@ -170,20 +183,17 @@ def _gather(lanes: _Lanes, n: int) -> Point:
 
 def _visit(problem: Problem, lanes: _Lanes, step, running) -> tuple[_Lanes, Array]:
     """Move the node in row 3 of each running lane if that lowers the energy."""
-    n, floor = problem.slices, problem.material.floor
+    r0, floor = problem.rest.r0, problem.material.floor
     t = _window(lanes.thickness)[1:5]  # slices i-2 .. i+1
     X = _window(lanes.radius)  # slices i-3 .. i+2
-    exists = _window(lanes.exists)
-    above = exists[3]  # 0 at the free upper end, which has no slice above
+    above = lanes.exists[3]  # 0 at the free upper end, which has no slice above
     delta = step * jnp.array([[1.0], [-1.0]])
 
     lower, upper = t[1] + delta, t[2] - delta
     allowed = (lower >= floor * lanes.rest[2]) & ((upper >= floor * lanes.rest[3]) | (above == 0))
-    radius_lower = radii(jnp.where(allowed, lower, 1.0), problem.rest.r0, n)
-    radius_upper = above * radii(jnp.where(allowed, upper, 1.0), problem.rest.r0, n)
-    change = _energy_change(
-        problem, lanes, t, X, exists, delta, radius_lower - X[2], radius_upper - X[3]
-    )
+    radius_lower = r0 / jnp.sqrt(jnp.where(allowed, lower, 1.0) / lanes.width[2])
+    radius_upper = above * r0 / jnp.sqrt(jnp.where(allowed, upper, 1.0) / lanes.width[3])
+    change = _energy_change(problem, lanes, t, X, delta, radius_lower - X[2], radius_upper - X[3])
     change = jnp.where(allowed, change, jnp.inf)
 
     up = change[0] <= change[1]
@@ -207,33 +217,35 @@ def _window(rows: Array) -> list[Array]:
     return [rows[0], rows[1], rows[2], rows[3], jnp.roll(rows[0], -1), jnp.roll(rows[1], -1)]
 
 
-def _energy_change(problem, lanes, t, X, exists, delta, lower_change, upper_change) -> Array:
+def _energy_change(problem, lanes, t, X, delta, lower_change, upper_change) -> Array:
     """Change of E_total (eq. 9) from the terms that Y_i touches, as differences of squares."""
-    n, m = problem.slices, problem.material
-    pairs = [exists[j] * exists[j + 1] for j in range(5)]
-    triples = [pairs[j] * exists[j + 2] for j in range(4)]
+    m = problem.material
+    width, apart, turn = _window(lanes.width), _window(lanes.apart), _window(lanes.turn)
+    between = [w / a**2 for w, a in zip(_window(lanes.between), apart, strict=True)]
     none = jnp.zeros_like(lower_change)
     dX = [none, none, lower_change, upper_change, none, none]
+    slope = [t[j] / width[j + 1] for j in range(4)]
+    dY_u = [none, delta / width[2], -delta / width[3], none]
 
     def grows(value, change):
         """(value + change)^2 - value^2, without cancellation."""
         return change * (2 * value + change)
 
-    below, above = delta / lanes.rest[2], -delta / lanes.rest[3]
-    strain = grows(t[1] / lanes.rest[2] - 1, below)
-    strain += exists[3] * grows(t[2] / lanes.rest[3] - 1, above)
-    friction = jnp.abs(lanes.shift[3] + delta) - jnp.abs(lanes.shift[3])
-    tension = grows(t[1], delta) + exists[3] * grows(t[2], -delta)
+    below, above = lanes.slices[2], lanes.slices[3]
+    strain = below * grows(t[1] / lanes.rest[2] - 1, delta / lanes.rest[2])
+    strain += above * grows(t[2] / lanes.rest[3] - 1, -delta / lanes.rest[3])
+    friction = lanes.nodes[3] * (jnp.abs(lanes.shift[3] + delta) - jnp.abs(lanes.shift[3]))
+    tension = below * grows(slope[1], dY_u[1]) + above * grows(slope[2], dY_u[2])
     for j in (1, 2, 3):
-        tension += pairs[j] * grows(X[j + 1] - X[j], dX[j + 1] - dX[j])
-    bending = pairs[1] * grows(t[1] - t[0], delta)
-    bending += pairs[2] * grows(t[2] - t[1], -2 * delta)
-    bending += pairs[3] * grows(t[3] - t[2], delta)
+        tension += between[j] * grows(X[j + 1] - X[j], dX[j + 1] - dX[j])
+    bending = none
+    for j in (1, 2, 3):
+        bending += between[j] * grows(slope[j] - slope[j - 1], dY_u[j] - dY_u[j - 1])
     for j in range(4):
-        second = X[j] - 2 * X[j + 1] + X[j + 2]
-        bending += triples[j] * grows(second, dX[j] - 2 * dX[j + 1] + dX[j + 2])
-    moved = m.k / 2 * strain + m.mu * friction
-    return moved / n + m.alpha * n * tension + m.beta * n**3 * bending
+        second = (X[j + 2] - X[j + 1]) / apart[j + 1] - (X[j + 1] - X[j]) / apart[j]
+        change = (dX[j + 2] - dX[j + 1]) / apart[j + 1] - (dX[j + 1] - dX[j]) / apart[j]
+        bending += turn[j + 1] * grows(second, change)
+    return m.k / 2 * strain + m.mu * friction + m.alpha * tension + m.beta * bending
 
 
 GREEDY = Method(GreedySettings, _init, _block, "the paper's greedy search, one step size")

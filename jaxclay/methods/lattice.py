@@ -33,7 +33,7 @@ from jaxclay.clay import Array
 from jaxclay.energy import bending_density, friction_density, strain_density, tension_density
 from jaxclay.methods.base import Method, State, check_setting, no_forces
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point, radii
+from jaxclay.schemes.sums import Point
 
 _ROUNDING = 1e-12  # of the energy: a smaller fall is none
 
@@ -71,11 +71,11 @@ class _Slices(NamedTuple):
 
     Attributes
     ----------
-    thickness, radius : t_i and X_i; those at rest where t_i is below the floor
+    slope, radius : Y_u and X_i; those at rest where t_i is below the floor
     energy : strain and tension of the slice, friction of its upper node; inf below the floor
     """
 
-    thickness: Array
+    slope: Array
     radius: Array
     energy: Array
 
@@ -128,54 +128,60 @@ def best_on_lattice(problem: Problem, point: Point, steps: Array) -> tuple[Array
     """
     slices = _slices(problem, point, steps)
     corners = _corners(problem, slices)
-    X = slices.radius
+    X, sums = slices.radius, problem.sums
 
     def forward(value, inputs):
-        before, here, after, energy, corner = inputs
-        bends = _bend(problem, before[:, :, None, None], here[:, :, None], after)
+        before, here, after, spacing, energy, corner = inputs
+        bends = _bend(problem, before[:, :, None, None], here[:, :, None], after, spacing)
         return jnp.min(value[..., None] + bends, axis=0) + energy + corner, value
 
     def backward(labels, inputs):
-        value, before, here, after = inputs
+        value, before, here, after, spacing = inputs
         b, c, d = labels
-        a = jnp.argmin(value[:, b, c] + _bend(problem, before[:, b], here[b, c], after[c, d]))
+        bends = _bend(problem, before[:, b], here[b, c], after[c, d], spacing)
+        a = jnp.argmin(value[:, b, c] + bends)
         return (a, b, c), a
 
     first = slices.energy[0][..., None] + slices.energy[1] + corners[0]
-    windows = (X[:-2], X[1:-1], X[2:])
+    windows = (X[:-2], X[1:-1], X[2:], (sums.apart[:-1], sums.apart[1:], sums.turn))
     last, values = jax.lax.scan(forward, first, (*windows, slices.energy[2:], corners[1:]))
     ends = jnp.unravel_index(jnp.argmin(last), last.shape)
     _, labels = jax.lax.scan(backward, ends, (values, *windows), reverse=True)
     labels = jnp.concatenate([labels, jnp.stack(ends)])
-    return jnp.take_along_axis(steps, labels[:, None], axis=1)[:, 0], jnp.min(last)
+    constant = sum(problem.band_terms)
+    return jnp.take_along_axis(steps, labels[:, None], axis=1)[:, 0], jnp.min(last) + constant
 
 
 def _slices(problem: Problem, point: Point, steps: Array) -> _Slices:
-    n, m, rest = problem.slices, problem.material, problem.rest
+    m, sums = problem.material, problem.sums
     t = point.thickness[:, None, None] + steps[1:, None, :] - steps[:-1, :, None]
-    t0 = rest.thickness[:, None, None]
+    t0 = problem.rest.thickness[:, None, None]
     # The contour itself stays allowed where rounding has put it below the floor.
     allowed = t >= jnp.minimum(problem.floor, point.thickness)[:, None, None]
     t = jnp.where(allowed, t, t0)
+    slope = t / sums.width[:, None, None]
     shift = point.shift[1:, None] + steps[1:]
-    density = strain_density(t / t0, m.k) + tension_density(0.0, n * t, m.alpha)
-    density += friction_density(shift, m.mu)[:, None, :]
-    return _Slices(t, radii(t, rest.r0, n), jnp.where(allowed, density / n, jnp.inf))
+    density = strain_density(t / t0, m.k) + tension_density(slope, m.alpha)
+    energy = sums.slices[:, None, None] * density
+    energy += (sums.nodes[1:, None] * friction_density(shift, m.mu))[:, None, :]
+    radius = problem.rest.r0 / jnp.sqrt(slope)
+    return _Slices(slope, radius, jnp.where(allowed, energy, jnp.inf))
 
 
 def _corners(problem: Problem, slices: _Slices) -> Array:
     """(n-1, m, m, m) energy of X_u and Y_uu at the nodes between two slices, 1 .. n-1."""
-    n, m = problem.slices, problem.material
-    X_u = n * (slices.radius[1:, None] - slices.radius[:-1, ..., None])
-    Y_uu = n**2 * (slices.thickness[1:, None] - slices.thickness[:-1, ..., None])
-    return (tension_density(X_u, 0.0, m.alpha) + bending_density(0.0, Y_uu, m.beta)) / n
+    m = problem.material
+    apart, weight = (a[:, None, None, None] for a in (problem.sums.apart, problem.sums.between))
+    X_u = (slices.radius[1:, None] - slices.radius[:-1, ..., None]) / apart
+    Y_uu = (slices.slope[1:, None] - slices.slope[:-1, ..., None]) / apart
+    return weight * (tension_density(X_u, m.alpha) + bending_density(Y_uu, m.beta))
 
 
-def _bend(problem: Problem, before: Array, here: Array, after: Array) -> Array:
-    """Energy of X_uu at the slice of radius X_i = ``here``."""
-    n = problem.slices
-    X_uu = n**2 * (before - 2 * here + after)
-    return bending_density(X_uu, 0.0, problem.material.beta) / n
+def _bend(problem: Problem, before: Array, here: Array, after: Array, spacing) -> Array:
+    """Energy of X_uu at the slice of radius X_i = ``here``; spacing a_i-1, a_i, c_i."""
+    below, above, turn = spacing
+    X_uu = ((after - here) / above - (here - before) / below) / turn
+    return turn * bending_density(X_uu, problem.material.beta)
 
 
 METHOD = Method(

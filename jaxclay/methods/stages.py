@@ -18,7 +18,7 @@ from jaxclay.certificate import SMALL, Forces
 from jaxclay.clay import Array
 from jaxclay.methods.base import no_forces
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 _PINNINGS = 10
 _PENALTY = 1e3  # first weight of the floor's penalty over k; grows as eps falls
@@ -78,9 +78,9 @@ class Stage(NamedTuple):
 
     def penalty(self, problem: Problem, thickness: Array) -> Array:
         """What lying below the floor costs; steeper from rung to rung."""
-        weight = _PENALTY * problem.material.k * 10.0**self._rung / problem.slices
+        weight = _PENALTY * problem.material.k * 10.0**self._rung
         below = jnp.maximum(problem.floor - thickness, 0.0) / problem.rest.thickness
-        return weight / 2 * jnp.sum(below**2)
+        return weight / 2 * jnp.sum(problem.sums.width * below**2)
 
     def energy(self, problem: Problem, point: Point) -> Array:
         """E_free with this stage's friction and the floor's penalty; finite everywhere."""

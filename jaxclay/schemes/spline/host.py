@@ -16,7 +16,7 @@ from jaxclay._host import compiled, in_float64, is_concrete, is_transformed
 from jaxclay.band import tool_of
 from jaxclay.certificate import Forces
 from jaxclay.clay import Array, Clay, Material
-from jaxclay.conversion import as_smooth, interpolated
+from jaxclay.conversion import as_smooth, in_pieces, interpolated
 from jaxclay.loop import Start
 from jaxclay.merging import merged, padded, without_empty
 from jaxclay.schemes.spline import mesh
@@ -107,7 +107,8 @@ def prepared(clay: Clay | SmoothClay) -> SmoothClay:
     if is_transformed(clay):
         if isinstance(clay, SmoothClay):
             return clay
-        breaks, control = interpolated(clay.thickness, clay.heights)
+        equal = clay.equal and not len(clay.edges)
+        breaks, control = interpolated(clay.thickness, clay.heights) if equal else in_pieces(clay)
         return unchecked_smooth_clay(breaks, control, clay.r0, clay.unit)
     smooth = clay if isinstance(clay, SmoothClay) else as_smooth(clay)
     count = len(smooth.control)

@@ -9,11 +9,11 @@ import jax.numpy as jnp
 from jaxclay import bernstein
 from jaxclay.band import Band, Tool, locate_band, sides
 from jaxclay.clay import Array, Material
-from jaxclay.energy import Samples, Terms, integrate
-from jaxclay.schemes import paper
+from jaxclay.energy import Samples, Terms, everywhere, integrate
 from jaxclay.schemes.spline import bspline, mesh
 from jaxclay.schemes.spline.problem import Rest, SplineProblem
 from jaxclay.schemes.spline.space import GAUSS, Space, space
+from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape
 from jaxclay.side import slope_change, solve_sides
 from jaxclay.smooth_clay import SmoothClay
@@ -179,7 +179,7 @@ def _rough(slices: Sliced, tool: Tool, material: Material, band: Band, unit: Arr
     return RoughShape(
         heights=(slices.heights + shift) * unit,
         nodes=slices.places,
-        point=paper.Point(jnp.diff(slices.heights + shift), shift),
+        point=Point(jnp.diff(slices.heights + shift), shift),
         reach=band.upper + push_above.reach,
         reach_below=band.lower - push_below.reach,
         sigma=push_above.sigma,
@@ -226,6 +226,7 @@ def _band_terms(rest: Rest, tool: Tool, material: Material, band: Band) -> Terms
     slope = bernstein.evaluate(rest.breaks, rest.control, u, 2)[1]
     none = jnp.zeros_like(u)
     samples = Samples(
-        density / slope, shift(u), density + none, none, none, none, (width * weight).reshape(-1)
-    )
+        density / slope, shift(u), density + none, none, none, none,
+        everywhere((width * weight).reshape(-1)),
+    )  # fmt: skip
     return integrate(samples, material)

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxclay.clay import Array, Material
-from jaxclay.energy import Samples
+from jaxclay.energy import Samples, everywhere
 from jaxclay.schemes.spline import bspline
 
 GAUSS = 4  # points a span
@@ -146,7 +146,7 @@ def sample(weight: Array, rest_slope: Array, r0: Array, slopes: Array) -> Sample
     inverse = root * root
     X_u = -r0 / 2 * root * inverse * Y_uu
     X_uu = r0 * root * inverse * (0.75 * inverse * Y_uu**2 - Y_uuu / 2)
-    return Samples(Y_u / rest_slope, jnp.zeros_like(Y_u), Y_u, X_u, Y_uu, X_uu, weight)
+    return Samples(Y_u / rest_slope, jnp.zeros_like(Y_u), Y_u, X_u, Y_uu, X_uu, everywhere(weight))
 
 
 def seeds(slopes: Array) -> list[Array]:

@@ -1,0 +1,253 @@
+"""Which clay the tool's band holds, on the smooth rest shape: the band of least E_move.
+
+The sliced cylinder model of :mod:`jaxclay.side` with integrals of u^j Y0_u^2 over cubic pieces,
+exact, in place of sums over slices of constant slope: a side displaced by d is pushed by sigma at
+the band's edge and to the reach r, where with m_j the integral of x^j Y0_u^2 from the edge to r
+
+    D = sigma m_0 - mu/k m_1 = |d|,    sigma = mu/k r while r lies within the side.
+
+D is convex in r, so Newton's method from beyond its root comes down to it.  Where the thickness
+floor binds on a side, :mod:`jaxclay.side` answers for it on the slices' own slopes.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from jaxclay.arrays import fixed, iterate, namespace, repeat
+from jaxclay.band import Band, Tool
+from jaxclay.clay import Material
+from jaxclay.interpolation import Interpolant
+from jaxclay.scalar_search import follow
+from jaxclay.schemes.slices.moments import Moments, moments
+from jaxclay.side import Side, edge_tension, move_energy, solve_side
+
+Array = Any
+
+_LEAST = 1e-5  # share of the clay below a band above the bottom, and above one below the top
+_PLACES_AT_ONCE = 33  # of the search
+_ROUNDS, _MORE_ROUNDS = 2, 7  # before false position on the host, and compiled
+_NEWTON = 40
+_NEARLY = 1e-6  # of the reach: two more steps are exact
+_EXACT = 1e-13  # share of the clay
+
+
+class _Sides(NamedTuple):
+    """Both sides for bands at many places, leading axis below and above."""
+
+    energy: Array
+    tension: Array
+
+
+def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: Array) -> _Sides:
+    """E_move and edge tension of both sides for lower edges (m,)."""
+    xp = namespace(table, tool, material, lower, share)
+    k, mu = material.k, material.mu
+    upper = xp.minimum(lower + share, 1.0)
+    edge = xp.stack([lower, upper])
+    way = xp.asarray([[-1.0], [1.0]])
+    span = xp.stack([lower, 1 - upper])
+    held = xp.stack([lower >= 0, xp.asarray(tool.top_fixed) & (upper <= 1)])
+    height = table.rest.height(edge)
+    d = xp.stack([height[0] - tool.bottom, tool.top - height[1]])
+    size, sign, rate = abs(d), xp.sign(d), mu / k
+    base = table.upto(edge)
+
+    def integrals(reach):
+        c = table.upto(xp.clip(edge + way * reach, 0.0, 1.0)) - base
+        first = c[1] - edge * c[0]
+        return way * c[0], first, way * (c[2] - 2 * edge * c[1] + edge**2 * c[0])
+
+    def displaced(reach):
+        m0, m1, _ = integrals(reach)
+        return rate * (reach * m0 - m1), rate * m0
+
+    whole = integrals(span)
+    most = rate * (span * whole[0] - whole[1])
+    inside = (size < most) & (size > 0)
+    slope = xp.stack([table.rest.slope(lower, "below"), table.rest.slope(upper)])
+
+    def newton(reach):
+        value, growth = displaced(reach)
+        step = (value - size) / xp.where(inside & (growth > 0), growth, 1.0)
+        return xp.where(inside, xp.minimum(xp.maximum(reach - step, 0.0), span), reach)
+
+    def nearly(reach):
+        new = newton(reach)
+        return xp.where(abs(new - reach) > _NEARLY * new, new, reach)
+
+    guess = xp.sqrt(2 * size / xp.where(rate > 0, rate, 1.0)) / slope
+    guess = xp.where(inside, xp.minimum(guess, span), span)
+    reach = repeat(2, newton, fixed(repeat(_NEWTON, nearly, fixed(guess))))
+    m0, m1, m2 = integrals(reach)
+    more = (size - most) / xp.where(whole[0] > 0, whole[0], 1.0)
+    sigma = xp.where(inside, rate * reach, rate * span + xp.where(held, more, 0.0))
+    sigma = xp.where((size > 0) & (span > 0), sigma, 0.0)
+    moved = sigma * m0 - rate * m1
+    energy = k / 2 * (sigma**2 * m0 - 2 * sigma * rate * m1 + rate**2 * m2)
+    energy += mu * (xp.maximum(size - moved, 0.0) * span + sigma * m1 - rate * m2)
+    stretch = 1 - sign * sigma * slope
+    tension = -stretch * slope * sign * k * sigma
+    tension -= k / 2 * (stretch - 1) ** 2 + mu * size
+    return _floored(table.rest, material, _Sides(energy, tension), edge, d, held, sigma)
+
+
+def _floored(rest, material: Material, free: _Sides, edge, d, held, sigma) -> _Sides:
+    """The same where no slice may be thinner than the floor allows."""
+    xp = namespace(rest, material, free, edge, d, held, sigma)
+    mean = rest.thickness / (rest.nodes[1:] - rest.nodes[:-1])
+    binds = (d > 0) & (sigma * rest.steepest > 1 - material.floor)
+
+    def answer(low, at, d, held):
+        start = xp.where(
+            low, at - xp.minimum(rest.nodes, at)[1:], xp.maximum(rest.nodes, at)[:-1] - at
+        )
+        stop = xp.where(
+            low, at - xp.minimum(rest.nodes, at)[:-1], xp.maximum(rest.nodes, at)[1:] - at
+        )
+        side = Side(start, stop, mean, d, held, xp.ones(()))
+        push = solve_side(side, material)
+        return move_energy(side, material, push), edge_tension(side, material, push, rest.slope(at))
+
+    below = xp.asarray([[True], [False]]) & (d == d)
+    if xp is np:
+        energy, tension = np.array(free.energy), np.array(free.tension)
+        for place in zip(*np.nonzero(binds), strict=True):
+            energy[place], tension[place] = answer(below[place], edge[place], d[place], held[place])
+        return _Sides(energy, tension)
+
+    def every():
+        floored = jax.vmap(jax.vmap(answer))(below, edge, d, held & (d == d))
+        return tuple(xp.where(binds, a, b) for a, b in zip(floored, free, strict=True))
+
+    return _Sides(*jax.lax.cond(xp.any(binds), every, lambda: tuple(free)))
+
+
+def locate(rest: Interpolant, r0, tool: Tool, material: Material, two_sided: Any = True) -> Band:
+    """The band of least E_move; ties go to the lower one.
+
+    ``two_sided`` is False where the band is known to begin at the bottom.  A free top that the
+    band reaches is swallowed: the band takes all the clay above its lower edge.
+    """
+    xp = namespace(rest, r0, tool, material)
+    height = rest.heights[-1]
+    density = (tool.radius / r0) ** 2
+    at_bottom = tool.bottom <= rest.height(xp.asarray(_LEAST)) * two_sided
+    tool = tool._replace(bottom=xp.where(at_bottom, 0.0, tool.bottom))
+    share = density * (tool.top - tool.bottom)
+    start = rest.inverse(xp.clip(tool.bottom, 0.0, height))
+    start = xp.where(at_bottom, 0.0, start)
+    swallows = (start + share > 1 - _LEAST) & xp.logical_not(tool.top_fixed)
+    lower, feasible = start, xp.asarray(True)
+    if two_sided:
+        low, high, feasible = _range(rest, tool, material, share)
+        searches = xp.logical_not(at_bottom | swallows) & feasible & (tool.bottom < height)
+        if xp is not np:
+            found = _cheapest(moments(rest), tool, material, low, high, share)
+            lower = xp.where(searches, found, start)
+        elif searches:
+            lower = _cheapest(moments(rest), tool, material, low, high, share)
+    upper = xp.where(swallows, 1.0, xp.minimum(lower + share, 1.0))
+    top = xp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
+    room = material.floor * (height - rest.height(upper)) <= height - tool.top
+    feasible = xp.where(at_bottom, xp.logical_not(tool.top_fixed) | room, feasible)
+    # On the host these are errors; inside a transformation nobody can raise them.
+    possible = (tool.bottom < height) & (
+        xp.logical_not(tool.top_fixed) | ((tool.top < height) & (share < 1))
+    )
+    return Band(lower, upper, tool.bottom, top, feasible & possible & (upper > lower))
+
+
+def _range(rest: Interpolant, tool: Tool, material: Material, share):
+    """Lower edges that push both sides the same way and leave both sides room."""
+    xp = namespace(rest, tool, material, share)
+    height = rest.heights[-1]
+    thinnest = tool.bottom / material.floor
+    deepest = height - (height - tool.top) / material.floor
+    marks = xp.stack([tool.bottom, xp.minimum(tool.top, height), thinnest, deepest])
+    one, other, thin, deep = rest.inverse(xp.clip(marks, 0.0, height))
+    other = xp.minimum(other, 1 - _LEAST) - share
+    low, high = xp.minimum(one, other), xp.maximum(one, other)
+    high = xp.minimum(high, xp.where(thinnest < height, thin, 1.0))
+    low = xp.where(tool.top_fixed & (deepest > 0), xp.maximum(low, deep - share), low)
+    low = xp.maximum(low, _LEAST)
+    feasible = (low <= high) | xp.logical_not(tool.top_fixed)
+    return low, xp.maximum(high, low), feasible
+
+
+def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
+    """The lower edge between low and high that takes the least E_move on both sides together.
+
+    The first round goes by the energies, since there may be two minima, the others by the
+    slopes, which locate a minimum more sharply: clay that joins one side leaves the other.
+    """
+    xp = namespace(table, tool, material, low, high, share)
+    known = table, tool, material, share
+    still = fixed(known)
+
+    def look(lower, known=still):
+        table, tool, material, share = known
+        both = _solve(table, tool, material, lower, share)
+        return both.energy[0] + both.energy[1], both.tension[1] - both.tension[0]
+
+    last = _PLACES_AT_ONCE - 1
+
+    def narrow(state):
+        left, right, _, _, turn = state
+        places = left + (right - left) * xp.arange(last + 1) / last
+        energies, slopes = look(places)
+        best = xp.argmin(energies)
+        rising = xp.sum(xp.cumprod(slopes < 0))  # of the first place where energy rises
+        first = xp.where(turn == 0, xp.maximum(best - 1, 0), xp.maximum(rising - 1, 0))
+        after = xp.where(turn == 0, xp.minimum(best + 1, last), xp.minimum(rising, last))
+        return places[first], places[after], slopes[first], slopes[after], turn + 1
+
+    lowest, highest = fixed((low, high))
+    ends = (lowest, highest, 0 * lowest, 0 * highest, xp.asarray(0))
+    if xp is np:
+        for _ in range(_ROUNDS):
+            ends = narrow(ends)
+        return _sign_change(lambda u: look(u[None])[1][0], *ends[:4])
+    # Compiled, the search is one loop, and Newton's steps finish it.
+    ends = jax.lax.fori_loop(0, _MORE_ROUNDS, lambda _, ends: narrow(ends), ends)
+    left, right, falls, rises, _ = fixed(ends)
+    root = xp.where(falls >= 0, left, xp.where(rises <= 0, right, (left + right) / 2))
+    found = follow(lambda u: look(u[None], known)[1][0], root, exactly=True)
+    found = xp.where((falls <= 0) & (rises >= 0), found, root)
+    found = xp.where((left == lowest) & (falls > 0), low, found)
+    return xp.where((right == highest) & (rises < 0), high, found)
+
+
+def _sign_change(slope, left, right, low, high):
+    """Where a rising function passes 0 between two places, or the end nearer to that.
+
+    False position, whose end is halved where it stays twice (Illinois).
+    """
+    xp = namespace(left, right, low, high)
+
+    def cut(state):
+        left, right, low, high, last, way, _ = state
+        share = low / xp.where(high > low, low - high, 1.0)
+        middle = left + xp.where((share > 0) & (share < 1), share, 0.5) * (right - left)
+        value = slope(middle)
+        falls = value < 0
+        stale = xp.where(falls == way, 0.5, 1.0)
+        return (
+            xp.where(falls, middle, left),
+            xp.where(falls, right, middle),
+            xp.where(falls, value, low * stale),
+            xp.where(falls, high * stale, value),
+            middle,
+            falls,
+            (abs(middle - last) <= _EXACT) | (value == 0),
+        )
+
+    def go_on(state):
+        return xp.logical_not(state[-1])
+
+    first = left, right, low, high, left, low < low, (low >= 0) | (high <= 0)
+    found = iterate(go_on, cut, first)[4]
+    return fixed(xp.where(low >= 0, left, xp.where(high <= 0, right, found)))

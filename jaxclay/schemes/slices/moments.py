@@ -1,0 +1,49 @@
+"""Integrals of u^j Y0_u^2 over the smooth rest shape, j = 0, 1, 2, exact for its cubic pieces."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxclay.arrays import namespace, pick
+from jaxclay.interpolation import Interpolant
+
+Array = Any
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+_PLACES, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
+
+
+class Moments(NamedTuple):
+    """Integrals of Y0_u^2, u Y0_u^2 and u^2 Y0_u^2 from 0 to the nodes, (3, n+1)."""
+
+    rest: Interpolant
+    sums: Array
+
+    def upto(self, u: Array) -> Array:
+        """(3, ...) the integrals from 0 to u."""
+        i = self.rest.piece(u)
+        return pick(self.sums, i) + _in_piece(pick(self.rest.table, i), u)
+
+
+def moments(rest: Interpolant) -> Moments:
+    """The integrals up to all nodes."""
+    xp = namespace(rest)
+    parts = _in_piece(rest.table, rest.nodes[1:])
+    return Moments(rest, xp.concatenate([xp.zeros((3, 1)), xp.cumsum(parts, axis=1)], axis=1))
+
+
+def _in_piece(piece: Array, u: Array) -> Array:
+    """(3, ...) the integrals from the lower end of a piece (6, ...) to u in it.
+
+    They are polynomials of degree 6 at most: four Gauss points are exact.
+    """
+    xp = namespace(piece, u)
+    low, width, _, a, b, c = piece
+    length = u - low
+    at = xp.multiply.outer(_PLACES, length)
+    s, u = at / width, low + at
+    value = (a + s * (2 * b + 3 * c * s)) ** 2
+    sums = xp.stack([value, u * value, u * u * value])
+    return xp.tensordot(sums, _WEIGHTS, ((1,), (0,))) * length

@@ -1,0 +1,123 @@
+"""The sums of eq. 21 over slices anywhere: what both schemes in heights share.
+
+Slice i of thickness t_i holds the share h_i of the clay, so that Y_u = t_i / h_i and
+X_i = r0 sqrt(h_i / t_i) (eq. 22).  Its radius is that of a point p_i of the material; with
+a_i = p_{i+1} - p_i
+
+    X_u, Y_uu between slices i and i+1:  (X_{i+1} - X_i) / a_i and (Y_u,i+1 - Y_u,i) / a_i
+    X_uu at slice i:                     (X_u,i - X_u,i-1) / c_i
+
+and every square has a weight.  The paper's scheme has h, a, c and the weights all 1/n; second-order
+slices (:mod:`jaxclay.schemes.slices`) have them where the clay is.
+
+Solvers hold a :class:`Point`, thicknesses beside displacements, rather than heights: second
+differences of heights are rounding noise on fine grids.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay.band import Rest
+from jaxclay.clay import Array
+from jaxclay.energy import Samples, Weights
+
+
+class Point(NamedTuple):
+    """A shape, lengths over the unit l.
+
+    Attributes
+    ----------
+    thickness : (n,) array
+        t_i = Y_{i+1} - Y_i.
+    shift : (n+1,) array
+        Y_i - Y0_i.
+    """
+
+    thickness: Array
+    shift: Array
+
+    def moved(self, step: Array) -> Point:
+        """The shape after every node has moved by ``step``, (n+1,)."""
+        return Point(self.thickness + jnp.diff(step), self.shift + step)
+
+
+class Sums(NamedTuple):
+    """Spacings and weights of the sums, shares of the clay.
+
+    Attributes
+    ----------
+    width : (n,) array
+        h_i.
+    slices : (n,) array
+        Weights of strain and of Y_u.
+    nodes : (n+1,) array
+        Weights of friction.
+    apart : (n-1,) array
+        a_i.
+    between : (n-1,) array
+        Weights of X_u and Y_uu.
+    turn : (n-2,) array
+        c_i of slices 1 .. n-2, spacings and weights of X_uu at once.
+    """
+
+    width: Array
+    slices: Array
+    nodes: Array
+    apart: Array
+    between: Array
+    turn: Array
+
+    def cut(self, first: Array, size: int) -> Sums:
+        """The sums of the slices first .. first + size - 1 alone."""
+
+        def part(values: Array, more: int) -> Array:
+            return jax.lax.dynamic_slice(values, (first,), (size + more,))
+
+        return Sums(
+            part(self.width, 0), part(self.slices, 0), part(self.nodes, 1),
+            part(self.apart, -1), part(self.between, -1), part(self.turn, -2),
+        )  # fmt: skip
+
+
+def radii(rest: Rest, sums: Sums, thickness: Array) -> Array:
+    """(n,) X_i = r0 sqrt(h_i / t_i), eq. 22."""
+    return rest.r0 / jnp.sqrt(thickness / sums.width)
+
+
+def sample(rest: Rest, sums: Sums, point: Point) -> Samples:
+    """Samples of the contour with X_i from eq. 22."""
+    return sample_contour(rest, sums, point, radii(rest, sums, point.thickness))
+
+
+def sample_contour(rest: Rest, sums: Sums, point: Point, X: Array) -> Samples:
+    """The same for radii X (n,) of their own, whether or not they keep the volume."""
+    Y_u = point.thickness / sums.width
+    X_u = jnp.diff(X) / sums.apart
+    return Samples(
+        stretch=point.thickness / rest.thickness,
+        shift=point.shift,
+        Y_u=Y_u,
+        X_u=X_u,
+        Y_uu=jnp.diff(Y_u) / sums.apart,
+        X_uu=jnp.diff(X_u) / sums.turn,
+        weights=Weights(sums.slices, sums.nodes, sums.between, sums.turn),
+    )
+
+
+def sample_free(samples: Samples, free: Array) -> Samples:
+    """Samples with the terms that touch no free node set to nothing; free is (n+1,) bool."""
+    slices: Any = free[1:] | free[:-1]
+    between: Any = slices[1:] | slices[:-1]
+    turns: Any = between[1:] | between[:-1]
+    return samples._replace(
+        stretch=jnp.where(slices, samples.stretch, 1.0),
+        shift=jnp.where(free, samples.shift, 0.0),
+        Y_u=jnp.where(slices, samples.Y_u, 0.0),
+        X_u=jnp.where(between, samples.X_u, 0.0),
+        Y_uu=jnp.where(between, samples.Y_uu, 0.0),
+        X_uu=jnp.where(turns, samples.X_uu, 0.0),
+    )
