@@ -94,7 +94,8 @@ def _add_compare(commands) -> None:
     compare = commands.add_parser(
         "compare",
         help="methods side by side on many scenes: table, charts, report",
-        description="Run scenes x methods x slices; print a table; write results, report, charts.",
+        description="Run scenes x methods x slices of the paper's scheme; print a table; write "
+        "results, report, charts.",
     )
     compare.add_argument("--out", type=Path, default=Path("out/compare"), help="output folder")
     compare.add_argument("--scenes", nargs="+", metavar="NAME", help="only these scenes")

@@ -10,7 +10,6 @@ from typing import Any
 import jaxclay
 from jaxclay.contour import polyline
 
-_TOLERANCE = 1e-4
 _SLICES = 64
 _MOST_SLICES = 1024  # some methods are dense
 _MOST_BANDED = 65_536
@@ -34,18 +33,19 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
     deform.add_argument("--out", type=Path, required=True, help="CSV file to write")
     deform.add_argument("--plot", type=Path, help="picture to write (PNG, SVG, PDF)")
     deform.add_argument(
-        "--tolerance", type=float, metavar="T",
-        help="largest error of the contour, over the height of the first piece (default 1e-4): as "
-        "few unknowns as that needs are used",
-    )  # fmt: skip
-    deform.add_argument(
         "--slices", type=int, metavar="N",
-        help="the paper's scheme on so many slices, instead of a tolerance",
+        help="how many slices (default 64, or those of a file that jaxclay wrote)",
     )  # fmt: skip
     deform.add_argument(
-        "--method",
-        help=f"for the paper's scheme, one of {', '.join(jaxclay.METHODS)} (default newton)",
-    )
+        "--scheme", choices=("slices", "paper"),
+        help="slices of second order (default), or the paper's sums on slices of equal volume",
+    )  # fmt: skip
+    deform.add_argument("--method", help=f"one of {', '.join(jaxclay.METHODS)} (default newton)")
+    deform.add_argument(
+        "--tolerance", type=float, metavar="T",
+        help="splines instead, as few as this error of the contour allows, over the height of the "
+        "first piece",
+    )  # fmt: skip
     deform.add_argument("--svg", type=Path, help="outline to write, in millimetres")
     deform.add_argument(
         "--millimetres", type=float, default=100.0, metavar="MM",
@@ -76,8 +76,10 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
     chosen = _chosen(options)
     _check_targets(options.out, options.plot, options.svg)
     clay = jaxclay.load_profile(options.profile, options.slices, options.minimum_radius)
-    if options.method is not None and isinstance(clay, jaxclay.SmoothClay):
+    if options.tolerance is None and isinstance(clay, jaxclay.SmoothClay):
         clay = clay.sliced(_SLICES).clay
+    if options.scheme == "paper" and isinstance(clay, jaxclay.Clay) and not clay.equal:
+        chosen["slices"] = clay.slices
     solution = None
     for text, squash in zip(options.squash, squashes, strict=True):
         interrupt()
@@ -94,16 +96,18 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
 
 
 def _chosen(options: argparse.Namespace) -> dict[str, Any]:
-    """What deform is asked for: a tolerance, or the paper's scheme on slices."""
-    if options.slices is None and options.method is None:
-        return {"tolerance": _TOLERANCE if options.tolerance is None else options.tolerance}
+    """What deform is asked for: slices, or a tolerance."""
     if options.tolerance is not None:
-        raise ValueError("--tolerance goes without --slices and --method: give one or the other")
+        if (options.slices, options.method, options.scheme) != (None, None, None):
+            raise ValueError(
+                "--tolerance goes without --slices, --scheme and --method: give one or the other"
+            )
+        return {"tolerance": options.tolerance}
     method = options.method or "newton"
     most = _MOST_BANDED if method == "newton" else _MOST_SLICES
     if options.slices is not None and options.slices > most:
         raise ValueError(f"slices must be at most {most} with {method}, got {options.slices}")
-    return {"method": method}
+    return {"method": method, "scheme": options.scheme or "slices"}
 
 
 def _check_targets(*targets: Path | None) -> None:
@@ -162,6 +166,11 @@ def parse_squash(text: str, top_fixed: bool = False) -> jaxclay.Squash:
     return jaxclay.Squash(*numbers, top_fixed=top_fixed)
 
 
+def _size(solution: jaxclay.Solution) -> str:
+    clay = solution.clay
+    return "splines" if isinstance(clay, jaxclay.SmoothClay) else f"{clay.slices} slices"
+
+
 def describe(text: str, solution: jaxclay.Solution) -> str:
     """What a squash did, in a few lines."""
     rough, certificate, terms = solution.rough, solution.certificate, solution.terms
@@ -179,7 +188,7 @@ def describe(text: str, solution: jaxclay.Solution) -> str:
     return "\n".join(
         (
             f"squash {text}: {case}{floor}, {solution.status} after {int(solution.iterations)} "
-            f"iterations of {solution.method}{accuracy}",
+            f"iterations of {solution.method} on {_size(solution)}{accuracy}",
             f"  band {float(rough.bottom):.6g} to {float(rough.top):.6g}, "
             f"reach u1 = {float(rough.reach):.4g}",
             f"  E_total {float(solution.energy):.8g} = strain {float(terms.strain):.4g} + friction "

@@ -78,7 +78,8 @@ def _introduction(seconds: float) -> str:
         for mark in Mark
     )
     return (
-        "<p>Every method on every scene, started at the rough shape and judged by the certificate. "
+        "<p>Every method on every scene of the paper's scheme, started at the rough shape and "
+        "judged by the certificate. "
         f"Each solve has {seconds:g} s, compiling apart: it is given as many iterations as fit, "
         "and more, afresh, until it ends or a run has lasted that long.</p>"
         f"<table>{marks}</table>"

@@ -16,7 +16,7 @@ from jaxclay.certificate import certify
 from jaxclay.clay import Array
 from jaxclay.loop import Outcome
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 from jaxclay.solution import Solution
 
 T = TypeVar("T")

@@ -54,7 +54,8 @@ class Cell:
 
     def problem(self) -> Problem:
         """The scene, posed; raises what :func:`jaxclay.pose` raises."""
-        return pose(Clay.cylinder(RADIUS, slices=self.slices), self.squash, self.material)
+        clay = Clay.cylinder(RADIUS, slices=self.slices)
+        return pose(clay, self.squash, self.material, "paper")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -29,35 +29,45 @@ def speed_and_accuracy(table: pd.DataFrame) -> Figure:
         ax.set(xscale="log", yscale="log")
         ax.grid(True, which="major", alpha=0.25, linewidth=0.6)
     _others(left, points)
-    left.set(xlabel="time of one solve, ms", ylabel="contour error over the height l")
+    time = "compiled time of one squash, ms (placed: its three solves), without posing"
+    left.set(xlabel=time, ylabel="contour error over the height l")
     left.set_title("speed: down and left is better", fontsize=10)
     right.set(xlabel="unknowns")
     right.set_title("unknowns", fontsize=10)
     handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8.5, frameon=False)
+    others = bool(set(labels) & set(METHODS))
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=4, fontsize=8.5, frameon=False,
+        title="thin lines, grey and yellow: other methods on the paper's sums" if others else None,
+        title_fontsize=8.5,
+    )  # fmt: skip
     return figure
 
 
 def _lines(ax: Axes, points: pd.DataFrame, x: str) -> None:
     scale = 1e3 if x == "solve_s" else 1.0
-    paper = line_of(points, "paper")
-    _line(ax, paper, x, scale, _RED, "o", "paper's scheme, newton, n slices", band=True)
+    paper, equal, placed = (line_of(points, name) for name in ("paper", "equal", "placed"))
+    _line(ax, paper, x, scale, _RED, "o", "the paper's sums, n slices", band=True)
     _beyond(ax, paper, x, scale)
+    style = {"linestyle": (0, (1, 1)), "markerfacecolor": "white"}
+    _line(ax, equal, x, scale, _GREEN, "P", "second order, n equal slices", **style)
+    label = "second order, n slices placed"
+    _line(ax, placed, x, scale, _GREEN, "P", label, band=True, linewidth=2.2, markersize=7)
     for degree, colour, marker in ((3, _SKY, "^"), (4, _PINK, "D"), (5, _BLUE, "s")):
         label = f"splines of degree {degree}, 2 to 32 equal spans"
         _line(ax, line_of(points, "spline", degree=degree), x, scale, colour, marker, label)
-    adaptive = line_of(points, "spline", degree=5, adaptive=True)
-    label = "splines, spans by tolerance"
-    _line(ax, adaptive, x, scale, _GREEN, "*", label, band=True, linewidth=2.4, markersize=9)
-    sizes = (paper, ("{:.0f}", (4, 4), _RED)), (adaptive, ("{:.0e}", (6, 3), _GREEN))
-    for line, (form, offset, colour) in sizes if x == "solve_s" else ():
+    sizes = (paper, (4, 4), "left", _RED), (placed, (-6, -9), "right", _GREEN)
+    for line, offset, side, colour in sizes if x == "solve_s" else ():
         for point in records(line):
-            text = form.format(point.size).replace("e-0", "e-")
-            at = getattr(point, x) * scale, point.error
-            ax.annotate(text, at, offset, textcoords="offset points", fontsize=7.5, color=colour)
+            ax.annotate(
+                f"{point.size:.0f}", (getattr(point, x) * scale, point.error), offset,
+                textcoords="offset points", fontsize=7.5, color=colour, ha=side,
+            )  # fmt: skip
 
 
 def _line(ax: Axes, line: pd.DataFrame, x, scale, colour, marker, label, band=False, **style):
+    if line.empty:
+        return
     at = line[x] * scale
     style = {"color": colour, "marker": marker, "markersize": 5, "linewidth": 1.5} | style
     ax.plot(at, line.error, label=label, **style)
@@ -77,20 +87,21 @@ def _beyond(ax: Axes, paper: pd.DataFrame, x: str, scale: float) -> None:
     at = last[x] * scale, last.error
     ax.plot(*at, "x", color=_BLACK, markersize=10, markeredgewidth=2, zorder=5)
     if x == "solve_s":
-        text = "the finest grid that float64\nresolves in half the scenes"
+        text = "the finest grid solved\nin half the scenes"
         ax.annotate(text, at, (12, 14), textcoords="offset points", fontsize=8)
 
 
 def _others(ax: Axes, points: pd.DataFrame) -> None:
-    """The other methods: on the paper's scheme a thin line each, hollow marks on splines."""
+    """The other methods: on the paper's sums a thin line each, hollow marks on splines."""
     unnamed = "the same on splines of degree 5"
     for name, marker in zip((m for m in METHODS if m != "newton"), _MARKERS, strict=False):
         colour = _ORANGE if name.startswith("greedy") else _GREY
         line = line_of(points, "paper", name)
-        ax.plot(
-            line.solve_s * 1e3, line.error,
-            color=colour, marker=marker, markersize=4.5, linewidth=0.7, label=name,
-        )  # fmt: skip
+        if len(line):
+            ax.plot(
+                line.solve_s * 1e3, line.error,
+                color=colour, marker=marker, markersize=4.5, linewidth=0.7, label=name,
+            )  # fmt: skip
         splines = line_of(points, "spline", name, degree=5)
         if len(splines):
             ax.plot(

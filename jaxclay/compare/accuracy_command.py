@@ -70,7 +70,7 @@ def print_table(table: pd.DataFrame, console: Console) -> None:
         view.add_column(name, justify="right")
     for point in results.records(summary(table)):
         kind = f"degree {point.degree}" if point.degree else ""
-        way = f"{point.scheme} {point.method} {kind} {'adaptive' if point.adaptive else ''}"
+        way = f"{point.scheme} {point.method} {kind}"
         errors = (f"{value:.1e}" for value in (point.error, point.low, point.high))
         times = (f"{1e3 * value:.3g}" for value in (point.solve_s, point.call_s))
         size, unknowns = f"{point.size:g}", f"{point.unknowns:.0f}"
@@ -79,15 +79,17 @@ def print_table(table: pd.DataFrame, console: Console) -> None:
     dropped = table.scene[table.limit == accuracy.NO_TRUTH]
     console.print(f"left out, as no answer is good enough to measure from: {len(dropped)} scenes")
     table = results.select(table, table.limit != accuracy.NO_TRUTH)
-    for level in LEVELS:
-        found = [reach(table, scene, level) for scene in table.scene.unique()]
-        slices, beyond = (
-            pd.Series(v) for v in zip(*((r.slices, r.beyond) for r in found), strict=True)
-        )
-        console.print(
-            f"the paper's scheme needs {slices.median():.0f} slices (median) for {level:g}, "
-            f"extrapolated on {beyond.sum()} of {len(found)} scenes", highlight=False,
-        )  # fmt: skip
+    names = {"paper": "the paper's scheme needs", "placed": "placed slices of second order need"}
+    for scheme, name in names.items():
+        for level in LEVELS:
+            found = [reach(table, scene, level, scheme) for scene in table.scene.unique()]
+            slices, beyond = (
+                pd.Series(v) for v in zip(*((r.slices, r.beyond) for r in found), strict=True)
+            )
+            console.print(
+                f"{name} {slices.median():.0f} slices (median) for {level:g}, "
+                f"extrapolated on {beyond.sum()} of {len(found)} scenes", highlight=False,
+            )  # fmt: skip
 
 
 def _parsed(arguments: list[str] | None) -> argparse.Namespace:

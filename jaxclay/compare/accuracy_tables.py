@@ -15,7 +15,7 @@ _FINE = 256  # slices from which the order is fitted
 
 
 class Reach(NamedTuple):
-    """What a scene takes on the paper's scheme to get below a level of error.
+    """What a scene takes on slices to get below a level of error.
 
     Attributes
     ----------
@@ -55,15 +55,15 @@ def line_of(points: pd.DataFrame, scheme: str, method="newton", degree=0, adapti
 
 
 def order(rows: pd.DataFrame, column: str) -> float:
-    """The exponent of n by which a column of one scene's rows on the paper's scheme goes."""
+    """The exponent of n by which a column goes, of rows on slices."""
     fine = select(rows, rows["size"] >= _FINE)
     fine = fine if len(fine) >= 3 else rows
     return float(np.polyfit(np.log(fine["size"]), np.log(fine[column]), 1)[0])
 
 
-def reach(table: pd.DataFrame, scene: int, level: float) -> Reach:
-    """The least slices and seconds of newton on the paper's scheme for an error below a level."""
-    mine = (table.scene == scene) & (table.scheme == "paper") & (table.method == "newton")
+def reach(table: pd.DataFrame, scene: int, level: float, scheme: str = "paper") -> Reach:
+    """The least slices and seconds of newton on a scheme's slices for an error below a level."""
+    mine = (table.scene == scene) & (table.scheme == scheme) & (table.method == "newton")
     rows = select(table, mine & (table.limit == "") & table.error.notna()).sort_values("size")
     if len(rows) < 2:
         return Reach(np.nan, np.nan, True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,14 +63,22 @@ class Scene:
         constants = self.k, self.mu, self.alpha, self.beta
         return Material.from_snake_units(*constants, slices=SNAKE_SLICES)
 
-    def problems(self, units: str, slices: int) -> list[Problem]:
-        """Each squash posed on what the certified minima before it left."""
+    def problems(self, units: str, slices: int, scheme: str = "paper") -> list[Problem]:
+        """Each squash posed on what the certified minima before it left.
+
+        On the paper's scheme, or on "slices" that are equal on each side of the band, where
+        greedy is not held up by the thinnest of them.
+        """
         clay, material = self.clay(slices), self.material(units)
+        how: dict[str, Any] = {"scheme": scheme} | (
+            {"spacing": "equal"} if scheme == "slices" else {}
+        )
         problems = []
         for squash in self.squashes:
-            problems.append(pose(clay, squash, material))
+            problems.append(pose(clay, squash, material, **how))
             if squash is not self.squashes[-1]:
-                clay = deform(clay, squash, material).raise_for_status().clay
+                answer = deform(clay, squash, material, **how)
+                clay = answer.raise_for_status().clay
         return problems
 
 

@@ -14,22 +14,39 @@ from jaxclay.clay import Clay
 from jaxclay.compare.population import RandomScene
 from jaxclay.conversion import cut
 from jaxclay.methods.choice import method_settings
-from jaxclay.minimize import _answered, deform, minimize
+from jaxclay.minimize import _PLACINGS, _answered, deform, minimize
 from jaxclay.posing import pose
 from jaxclay.problem import Problem
 from jaxclay.resolution import resolvable_slices
+from jaxclay.schemes.slices.ladder import carried
+from jaxclay.schemes.slices.posing import located, pose_on_host
 from jaxclay.schemes.spline import host
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.solve import answered
 from jaxclay.smooth_clay import SmoothClay
-from jaxclay.solution import Solution
+from jaxclay.solution import Solution, Status
 from jaxclay.start import begin_from
 
 _LONG = 0.2  # seconds: runs longer than that are not repeated
+_PARTS = 16  # slices to a piece of a rest shape that is a function, where slices are needed
 
 
 class Way(NamedTuple):
-    """How a scene is solved: ``size`` is slices, spans on each side, or the tolerance."""
+    """How a scene is solved.
+
+    Attributes
+    ----------
+    scheme : str
+        "paper", slices of the paper's sums; "equal" or "placed", slices of second order, equal
+        beside the band or where the contour bends; "spline".
+    method : str
+    degree : int
+        Of splines, 0 on slices.
+    adaptive : bool
+        Whether ``size`` is a tolerance.
+    size : float
+        Slices, spans on each side, or the tolerance.
+    """
 
     scheme: str
     method: str
@@ -59,6 +76,8 @@ def prepared(scene: RandomScene, way: Way) -> Ready:
     """
     if way.adaptive:
         return _adaptive(scene, way)
+    if way.scheme in ("equal", "placed"):
+        return _second_order(scene, way)
     clay, squash, material = scene.clay, scene.squash, scene.material
     settings = method_settings(way.method, {})
     if way.scheme == "spline":
@@ -68,13 +87,67 @@ def prepared(scene: RandomScene, way: Way) -> Ready:
         return _fixed(clay, scene, whole, way.method, answered, values)
     slices = cut(clay, int(way.size))
     try:
-        problem = cast(Problem, pose(slices, squash, material))
+        problem = cast(Problem, pose(slices, squash, material, "paper"))
     except ValueError as error:
         raise Limit("band") from error
     if problem.slices > resolvable_slices(problem):
         raise Limit("rounding")
     values = problem, begin_from(problem, None), settings
-    return _fixed(slices, scene, {}, way.method, _answered, values)
+    return _fixed(slices, scene, {"scheme": "paper"}, way.method, _answered, values)
+
+
+def _second_order(scene: RandomScene, way: Way) -> Ready:
+    """Slices of second order, which take the rest shape in slices of its own."""
+    slices = int(way.size)
+    clay = _in_pieces(scene.clay) if scene.worked else cut(scene.clay, slices)
+    squash, material = scene.squash, scene.material
+    posing = {"slices": slices, "spacing": way.scheme}
+    try:
+        solves = (_placed if way.scheme == "placed" else _equal)(clay, squash, material, slices)
+    except ValueError as error:
+        raise Limit("band") from error
+    settings = method_settings(way.method, {})
+    values = [on_device((*each, settings)) for each in solves]
+
+    def call() -> Solution:
+        return deform(clay, squash, material, way.method, **posing)
+
+    def solve():
+        with jax.enable_x64(True):
+            for each in values:
+                answer = jax.block_until_ready(_answered.whole(*each, method=way.method))
+        return answer
+
+    return Ready(call, solve)
+
+
+def _in_pieces(smooth: SmoothClay) -> Clay:
+    """The function in slices that break where its pieces do, to 1e-6 of the contour or better."""
+    breaks = np.unique(smooth.breaks)
+    share = np.arange(_PARTS) / _PARTS
+    nodes = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * share).ravel(), 1.0)
+    heights, slope, *_ = smooth.derivatives(nodes)
+    edges = np.stack([nodes, smooth.r0 / slope**0.5], axis=1)[_PARTS:-1:_PARTS]
+    return Clay(heights, np.diff(heights), smooth.r0, smooth.unit, nodes, edges)
+
+
+def _equal(clay: Clay, squash, material, slices: int) -> list[tuple[Problem, Any]]:
+    problem = pose_on_host(located(clay, squash, material), slices, "equal")
+    return [(problem, begin_from(problem, None))]
+
+
+def _placed(clay: Clay, squash, material, slices: int) -> list[tuple[Problem, Any]]:
+    """The problems that ``deform`` solves one after the other, and where each solve begins."""
+    found, answer, solves = located(clay, squash, material), None, []
+    for _ in range(_PLACINGS):
+        problem = pose_on_host(found, slices // 2, "placed", answer)
+        solves.append((problem, begin_from(problem, None)))
+        answer = minimize(problem)
+        if answer.status is not Status.CONVERGED:
+            problem = pose_on_host(found, slices, "placed")
+            return [*solves, (problem, begin_from(problem, None))]
+    problem = pose_on_host(found, slices, "placed", answer)
+    return [*solves, (problem, begin_from(problem, carried(problem, answer)))]
 
 
 def _fixed(clay: Clay | SmoothClay, scene, posing, method: str, fun, values) -> Ready:

@@ -1,7 +1,8 @@
 """``jaxclay agree``: whether greedy and gradient end in the same minimum, over a population.
 
-In snake units, where greedy is at home.  Compared are the certified minimum of the gradient
-method ``newton`` and the answer of ``greedy-refined``, where greedy stopped by its own rule.
+In snake units, where greedy is at home, scheme by scheme.  Compared are the certified minimum
+of the gradient method ``newton`` and the answer of ``greedy-refined``, where greedy stopped by
+its own rule.
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ from jaxclay.sweep.values import Values
 from jaxclay.sweep.watch import watched
 
 METHOD = "greedy-refined"
+_SCHEMES = {
+    "paper": "the paper's scheme",
+    "slices": "second-order slices, equal on each side of the band",
+}
 _OWN_RULE = ("stalled", "converged")  # it stopped because no move gained, not at a limit
 
 
@@ -91,10 +96,15 @@ def agree(
             return INTERRUPTED
         rows = table(folder) if todo else pd.DataFrame(columns=["key"])
     rows = select(rows, rows.key.isin([task.key for task in todo]))
-    found = agreement(rows, whole.agree) if len(rows) else _nothing()
-    for line in _said(found, whole.agree, experiment, profiles):
-        console.print(line)
-    return 0 if found.holds else 1
+    holds = True
+    for scheme in dict.fromkeys(task.scheme for task in todo) or ("paper",):
+        mine = select(rows, rows.scheme == scheme) if len(rows) else rows
+        found = agreement(mine, whole.agree) if len(mine) else _nothing()
+        console.print(f"{_SCHEMES[scheme]}:")
+        for line in _said(found, whole.agree, experiment, profiles):
+            console.print(line)
+        holds &= found.holds
+    return 0 if holds else 1
 
 
 def _greedy_only(whole: Experiment) -> Experiment:

@@ -35,8 +35,12 @@ _GOALS = (
 def prepared(table: pd.DataFrame) -> pd.DataFrame:
     """The rows with a column for their line in the charts, and one that tells problems apart."""
     return table.assign(
-        series=np.where(table.scheme == "spline", "spline", table.method),
-        problem=table.recipe + "-" + table.slices.astype(str),
+        series=np.where(
+            table.scheme == "spline",
+            "spline",
+            table.method + np.where(table.scheme == "slices", " (second order)", ""),
+        ),
+        problem=table.recipe + "-" + table.slices.astype(str) + table.scheme,
     )
 
 
@@ -72,7 +76,7 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "solved by none.",
             _profiles(goals),
         )
-    grids = select(timed, timed.scheme == "paper")
+    grids = select(timed, timed.scheme != "spline")
     if grids.slices.nunique() > 1:
         yield (
             "scaling",
@@ -153,7 +157,7 @@ def _goals(rows: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 def _comparable(rows: pd.DataFrame, error: str) -> pd.DataFrame:
     """Splines minimise the integral, not the sum: their energies are compared with none."""
-    return select(rows, rows.scheme == "paper") if error == GAP else rows
+    return select(rows, rows.scheme != "spline") if error == GAP else rows
 
 
 def _grid(count: int, columns: int, width: float, height: float) -> tuple[Figure, np.ndarray]:

@@ -28,28 +28,29 @@ def referee(method: str) -> str:
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def posed(recipe: Recipe, slices: int) -> Problem:
-    """The last squash, posed on the paper's scheme.
+def posed(recipe: Recipe, slices: int, scheme: str = "paper") -> Problem:
+    """The last squash, posed on the paper's scheme or on second-order slices.
 
     Raises
     ------
     ValueError, RuntimeError
         Why the scene cannot be posed, or an earlier squash not be solved, on this grid.
     """
-    return recipe.scene().problems(recipe.units, slices)[-1]
+    return recipe.scene().problems(recipe.units, slices, scheme)[-1]
 
 
-_minima: dict[tuple[str, Recipe, int], Solution] = {}
+Posed = tuple[Recipe, int, str]  # what is posed, on how many slices of which scheme
+_minima: dict[tuple[str, Recipe, int, str], Solution] = {}
 
 
-def certified_minima(wanted: list[tuple[Recipe, int]], method: str) -> list[Solution | None]:
+def certified_minima(wanted: list[Posed], method: str) -> list[Solution | None]:
     """The referee's answers for scenes that can be posed, None where it is not certified."""
     judge = referee(method)
     # A worker of dask may have several threads: what they share is read once.
     known = {one: _minima.get((judge, *one)) for one in wanted}
     new = [one for one, answer in known.items() if answer is None]
-    for size in {slices for _, slices in new}:
-        same = [one for one in new if one[1] == size]
+    for size in {one[1:] for one in new}:
+        same = [one for one in new if one[1:] == size]
         answers = minimized([posed(*one) for one in same], judge, [{}] * len(same))
         known.update(zip(same, answers, strict=True))
     if len(_minima) > _KEPT:

@@ -40,12 +40,12 @@ def solve(batch: list[Task]) -> list[Row]:
 
 
 def _slices(batch: list[Task]) -> list[Row]:
-    """The paper's scheme: one compiled call for all that can be posed."""
+    """One compiled call for all that can be posed."""
     results: dict[int, Row] = {}
     problems = {}
     for i, task in enumerate(batch):
         try:
-            problems[i] = posed(task.recipe, task.slices)
+            problems[i] = posed(task.recipe, task.slices, task.scheme)
         except (ValueError, RuntimeError) as error:
             results[i] = _skipped(error)
     method = batch[0].method
@@ -54,7 +54,7 @@ def _slices(batch: list[Task]) -> list[Row]:
         list(problems.values()), method, [dict(batch[i].settings) for i in problems]
     )
     seconds = (time.perf_counter() - begin) / max(len(problems), 1)
-    wanted = [(batch[i].recipe, batch[i].slices) for i in problems]
+    wanted = [(batch[i].recipe, batch[i].slices, batch[i].scheme) for i in problems]
     minima = certified_minima(wanted, method)
     for i, answer, minimum in zip(problems, answers, minima, strict=True):
         times = Times(solve_s=seconds, repeats=1, batch=len(problems))
@@ -80,8 +80,8 @@ def _timed(task: Task) -> Row:
         if task.scheme == "spline":
             answer, times = timed_function(task, *function_of(task.recipe))
             return _of_splines(task, answer, times)
-        (minimum,) = certified_minima([(task.recipe, task.slices)], task.method)
-        answer, times = timed_slices(task, posed(task.recipe, task.slices))
+        (minimum,) = certified_minima([(task.recipe, task.slices, task.scheme)], task.method)
+        answer, times = timed_slices(task, posed(task.recipe, task.slices, task.scheme))
     except (ValueError, RuntimeError) as error:
         return _skipped(error)
     return _judged(task, answer, minimum, referee(task.method), times)

@@ -18,7 +18,7 @@ from jaxclay.sweep.values import Values, numbers, whole_numbers
 
 Kind = Literal["throughput", "timing"]
 Units = Literal["snake", "printed"]
-Scheme = Literal["paper", "spline"]
+Scheme = Literal["paper", "slices", "spline"]
 _ONE = Values((1.0,))
 
 
@@ -196,7 +196,7 @@ class Experiment(Table):
     seed : int
         Of everything that is drawn.
     slices : numbers
-        Grids of the paper's scheme, 8 to 4096.
+        Of the schemes "paper" and "slices" (equal on each side of the band), 8 to 4096.
     tolerances : numbers
         Of the contour over l, for the scheme "spline".
     repeats : int

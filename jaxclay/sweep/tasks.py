@@ -31,9 +31,9 @@ class Task:
         "throughput", or "timing": solved alone, repeatedly.
     scheme, method : str
     slices : int
-        Of the paper's scheme, 0 for splines.
+        0 for splines.
     tolerance : float
-        Of splines, over l; 0 for the paper's scheme.
+        Of splines, over l; 0 for slices.
     settings : tuple of (name, value)
         The method's; what is not here has its default.
     stops : tuple of int
@@ -74,7 +74,8 @@ class Task:
 
     def described(self) -> str:
         """The task in a few words."""
-        size = f"{self.slices} slices" if self.slices else f"to {self.tolerance:g}"
+        kind = "second-order slices" if self.scheme == "slices" else "slices"
+        size = f"{self.slices} {kind}" if self.slices else f"to {self.tolerance:g}"
         r = self.recipe
         with_settings = f" {self.chosen}" if self.chosen else ""
         return f"{r.name} {r.number} ({r.units}, {size}): {self.method}{with_settings}"
@@ -119,8 +120,8 @@ def tasks(experiment: Experiment) -> list[Task]:
 
 def _sizes(experiment: Experiment, method: MethodTable) -> Iterator[tuple[str, int, float]]:
     for scheme in method.schemes:
-        if scheme == "paper":
-            yield from (("paper", int(n), 0.0) for n in experiment.slices.fixed())
+        if scheme != "spline":
+            yield from ((scheme, int(n), 0.0) for n in experiment.slices.fixed())
         else:
             yield from (("spline", 0, tolerance) for tolerance in experiment.tolerances.fixed())
 

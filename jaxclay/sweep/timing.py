@@ -44,9 +44,9 @@ class Times(NamedTuple):
 
 
 def timed_slices(task: Task, problem: Problem) -> tuple[Solution, Times]:
-    """The answer on the paper's scheme, its times, and fresh runs ended after each stop."""
+    """The answer on slices, its times, and fresh runs ended after each stop."""
     clock, settings = _clock(task.repeats), dict(task.settings)
-    clock.warm_up([task.method], task.slices)
+    clock.warm_up([task.method], task.slices, task.scheme)
     rough = rough_shape(problem)
     columns, answer = clock.time(problem, rough, task.method, settings)
     trace = []

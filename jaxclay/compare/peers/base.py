@@ -10,7 +10,7 @@ import numpy as np
 from jaxclay.certificate import Forces
 from jaxclay.loop import Outcome
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 SECONDS = 2.0  # most that a solve may take where the solver can be told
 NEAR = 1e-3  # over the unit l: how far from its bounds an interior-point solve starts

@@ -5,8 +5,8 @@ free nodes with Y - Y0 = p - q, so that |Y - Y0| = p + q at a minimum and the ki
 is exact.  t_i = Y_{i+1} - Y_i is a linear equation, the floor a bound on t.  In t
 the Hessian has half-bandwidth 2, diagonal for E_move, and none in p and q.
 
-Energies are those of a slice, n times their share of E_total: so the numbers of
-every grid are alike.
+Energies are n times their share of E_total, those of a slice where all are equal: so
+the numbers of every grid are alike.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from jaxclay.compare.peers.base import outcome
 from jaxclay.loop import Outcome
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -37,7 +37,7 @@ class SlackForm(NamedTuple):
     lower : array
         One for each x: the floor, then zeros.
     friction : array
-        One for each x: zeros, then mu.
+        One for each x: zeros, then n times the limits of friction.
     base : Point
         The thicknesses and displacements that are not unknown, in their places.
     """
@@ -85,13 +85,13 @@ def slack_form(problem: Problem, start: Point) -> SlackForm:
     differences = sparse.csr_array(np.diff(np.eye(n + 1), axis=0))
     moves = sparse.csc_array(differences[loose][:, free])
     fixed = np.where(free, 0.0, base.shift)
-    m, slacks = int(loose.sum()), 2 * int(free.sum())
+    m, limits = int(loose.sum()), n * np.asarray(problem.friction_limit)[free]
     return SlackForm(
         loose=loose,
         free=free,
         matrix=sparse.csc_array(sparse.hstack([sparse.eye_array(m), -moves, moves])),
         target=(rest + np.diff(fixed))[loose],
-        lower=np.concatenate([float(problem.material.floor) * rest[loose], np.zeros(slacks)]),
-        friction=np.concatenate([np.zeros(m), np.full(slacks, float(problem.material.mu))]),
+        lower=np.concatenate([np.asarray(problem.floor)[loose], np.zeros(2 * len(limits))]),
+        friction=np.concatenate([np.zeros(m), limits, limits]),
         base=base,
     )

@@ -1,12 +1,12 @@
 """The problem with friction smoothed, in the stretches: for solvers without constraints.
 
-Unknowns are the stretches t_i / t0_i of the loose slices, in which strain has one
-curvature everywhere; where a side of the band is held at both ends, the slice
-farthest from the band takes up what the others leave.  Friction is smoothed as
-sqrt(d^2 + eps^2) - eps and eps stepped from 1e-2 to 1e-13, over the unit l: the
-last stage is 1e-13 mu off at most, which the certificate lets pass.  Below the
-floor the energy goes on with a steep penalty and is never infinite; what lies
-below it in the end is lifted onto it.
+Unknowns are the stretches t_i / t0_i of the loose slices, in which strain's curvature is in
+proportion to a slice's share of the clay, one on equal slices; where a side of the band is
+held at both ends, the slice farthest from the band takes up what the others leave.  Friction
+is smoothed as sqrt(d^2 + eps^2) - eps and eps stepped from 1e-2 to 1e-13, over the unit l:
+the last stage is 1e-13 mu off at most, which the certificate lets pass.  Below the floor the
+energy goes on with a steep penalty and is never infinite; what lies below it in the end is
+lifted onto it.
 
 Energies are n times their share of E_total, as in the slack form.
 """
@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxclay.clay import Array
 from jaxclay.methods.base import lifted
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 LADDER = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)
 _PENALTY = 1e2  # over k, at eps = 1; grows as eps falls
@@ -28,7 +28,7 @@ _PENALTY = 1e2  # over k, at eps = 1; grows as eps falls
 def _sides(problem: Problem) -> tuple[Array, Array]:
     """(2, n) loose slices below and above the band; (n,) those that take up the rest."""
     n = problem.slices
-    upper = jnp.arange(n) >= jnp.argmax(problem.band.holds(n))
+    upper = jnp.arange(n) >= jnp.argmax(problem.rest.held(problem.band))
     sides = jnp.stack([problem.loose & ~upper, problem.loose & upper])
     takers = jnp.zeros(n, bool).at[0].set(sides[0, 0]).at[-1].set(sides[1, -1] & problem.fixed[-1])
     return sides, takers
@@ -63,9 +63,10 @@ def objective(problem: Problem, start: Point, x: Array, eps: Array) -> Array:
     # Half the floor is far outside, but the radius is still finite there.
     kept = Point(jnp.maximum(point.thickness, floor / 2), point.shift)
     smoothed = jnp.sqrt(point.shift**2 + eps**2) - eps
-    penalty = _PENALTY / jnp.sqrt(eps) * problem.material.k / 2 * jnp.sum(below**2)
-    energy = problem.free_smooth(kept) + jnp.sum(problem.friction_limit * smoothed)
-    return problem.slices * energy + penalty
+    steep = _PENALTY / jnp.sqrt(eps) * problem.material.k
+    penalty = steep / 2 * jnp.sum(problem.sums.width * below**2)
+    friction = jnp.sum(problem.friction_limit * smoothed)
+    return problem.slices * (problem.free_smooth(kept) + friction + penalty)
 
 
 @jax.jit

@@ -1,20 +1,22 @@
 """``ipopt``: IPOPT (Waechter and Biegler 2006) through CasADi, in the slack form.
 
 The energy is written once more in CasADi's symbols, which give IPOPT exact sparse
-derivatives.  The scene's numbers are parameters, so a solver built for a number
-of slices and a set of free nodes serves every problem that shares them.
+derivatives.  The scene's numbers are parameters, weights and spacings of the sums among
+them, so a solver built for a number of slices and a set of free nodes serves every
+problem that shares them.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import accumulate
 
 import numpy as np
 
 from jaxclay.compare.peers.base import NEAR, SECONDS, Limits, Peer, Task
 from jaxclay.compare.peers.slack import slack_form
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point, Sums
 
 _LIMITS_REACHED = (
     "Maximum_Iterations_Exceeded",
@@ -37,10 +39,14 @@ _OPTIONS = {
 def _setup(problem: Problem, start: Point, limits: Limits) -> Task:
     form, material = slack_form(problem, start), problem.material
     solver = _solver(problem.slices, form.free.tobytes(), form.loose.tobytes(), limits)
-    constants = (problem.rest.r0, material.k, material.mu, material.alpha, material.beta)
+    numbers = (
+        *(problem.rest.thickness, form.base.thickness, *_spacings(problem.sums)),
+        form.friction[form.thicknesses :],
+        np.array([problem.rest.r0, material.k, material.alpha, material.beta]),
+    )
     arguments = {
         "x0": form.start(NEAR),
-        "p": np.concatenate([problem.rest.thickness, form.base.thickness, constants]),
+        "p": np.concatenate(numbers),
         "lbx": form.lower,
         "lbg": form.target,
         "ubg": form.target,
@@ -65,12 +71,10 @@ def _solver(n: int, free: bytes, loose: bytes, limits: Limits):
     nodes = np.flatnonzero(np.frombuffer(free, bool)).tolist()
     slices = np.flatnonzero(np.frombuffer(loose, bool)).tolist()
     x = ca.SX.sym("x", len(slices) + 2 * len(nodes))
-    parameters = ca.SX.sym("p", 2 * n + 5)
-    rest, base, constants = ca.vertsplit(parameters, [0, n, 2 * n, 2 * n + 5])
-    r0, k, mu, alpha, beta = ca.vertsplit(constants)
-    t, p, q = ca.vertsplit(
-        x, [0, len(slices), len(slices) + len(nodes), len(slices) + 2 * len(nodes)]
-    )
+    counts = [n, n, n, n, n - 1, n - 1, n - 2, 2 * len(nodes), 4]
+    parameters = ca.SX.sym("p", sum(counts))
+    rest, base, *spacings, friction, constants = _split(ca, parameters, counts)
+    t, p, q = _split(ca, x, [len(slices), len(nodes), len(nodes)])
     thickness = ca.SX(base)
     thickness[slices] = t
     shift = ca.SX(n + 1, 1)
@@ -80,22 +84,35 @@ def _solver(n: int, free: bytes, loose: bytes, limits: Limits):
     functions = {
         "x": x,
         "p": parameters,
-        "f": _smooth(ca, n, thickness, rest, r0, k, alpha, beta) + mu * ca.sum1(p + q),
+        "f": _smooth(ca, thickness, rest, spacings, constants) + ca.dot(friction, x[len(slices) :]),
         "g": t - (shift[1:] - shift[:-1])[slices],
     }
     return ca.nlpsol("peer", "ipopt", functions, options | {"print_time": False})
 
 
-def _smooth(ca, n: int, t, rest, r0, k, alpha, beta):
+def _split(ca, values, counts: list[int]):
+    """Parts of a column, so many numbers each."""
+    return ca.vertsplit(values, [0, *accumulate(counts)])
+
+
+def _spacings(sums: Sums) -> tuple[np.ndarray, ...]:
+    """What the energy needs of the sums beside friction's weights: widths first."""
+    return sums.width, sums.slices, sums.apart, sums.between, sums.turn
+
+
+def _smooth(ca, t, rest, spacings, constants):
     """n times strain, tension and bending of eqs. 9, 20-22, from thicknesses."""
-    X = r0 / ca.sqrt(n * t)
-    X_u, X_uu = n * (X[1:] - X[:-1]), n**2 * (X[2:] - 2 * X[1:-1] + X[:-2])
-    Y_u, Y_uu = n * t, n**2 * (t[1:] - t[:-1])
-    return (
-        k / 2 * ca.sumsqr(t / rest - 1)
-        + alpha * (ca.sumsqr(X_u) + ca.sumsqr(Y_u))
-        + beta * (ca.sumsqr(X_uu) + ca.sumsqr(Y_uu))
+    width, slices, apart, between, turn = spacings
+    r0, k, alpha, beta = ca.vertsplit(constants)
+    X, Y_u = r0 / ca.sqrt(t / width), t / width
+    X_u, Y_uu = ca.diff(X) / apart, ca.diff(Y_u) / apart
+    X_uu = ca.diff(X_u) / turn
+    energy = (
+        ca.dot(slices, k / 2 * (t / rest - 1) ** 2 + alpha * Y_u**2)
+        + ca.dot(between, alpha * X_u**2 + beta * Y_uu**2)
+        + ca.dot(turn, beta * X_uu**2)
     )
+    return t.numel() * energy
 
 
 PEER = Peer(

@@ -16,7 +16,7 @@ from jaxclay.clay import Array
 from jaxclay.compare.peers import stretches
 from jaxclay.compare.peers.base import Limits, Peer, Task, outcome
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 
 def _setup(problem: Problem, start: Point, limits: Limits) -> Task:

@@ -14,14 +14,18 @@ import numpy as np
 from jaxclay.compare.peers.base import SECONDS, Limits, Peer, Task
 from jaxclay.compare.peers.slack import SlackForm, slack_form
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 
 def _quadratic(problem: Problem, form: SlackForm) -> tuple[Any, np.ndarray]:
-    """P and c of n E_move = sum k/2 (t_i / t0_i - 1)^2 + friction = 1/2 x^T P x + c^T x + const."""
+    """P and c of n E_move = 1/2 x^T P x + c^T x + const.
+
+    n E_move = sum k_i/2 (t_i / t0_i - 1)^2 + friction, k_i = k n times the slice's weight.
+    """
     from scipy import sparse
 
-    rest, k = np.asarray(problem.rest.thickness)[form.loose], float(problem.material.k)
+    rest = np.asarray(problem.rest.thickness)[form.loose]
+    k = float(problem.material.k) * problem.slices * np.asarray(problem.sums.slices)[form.loose]
     c = form.friction.copy()
     c[: form.thicknesses] = -k / rest
     diagonal = np.zeros_like(c)

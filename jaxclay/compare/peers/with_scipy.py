@@ -22,7 +22,7 @@ from jaxclay.compare.peers import stretches
 from jaxclay.compare.peers.base import SECONDS, Limits, Peer, Task, outcome
 from jaxclay.compare.peers.slack import slack_form
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 _MEMORY = 50  # pairs that L-BFGS-B keeps
 _BAND = 2  # half-bandwidth of the Hessian in the thicknesses
