@@ -30,7 +30,7 @@ def wavy(seed, slices=64, depth=0.6):
 
 
 def cylinder_problem(squash=REFERENCE, material=SNAKE, **size):
-    return jaxclay.pose(jaxclay.Clay.cylinder(**size), squash, material)
+    return jaxclay.pose(jaxclay.Clay.cylinder(**size), squash, material, "paper")
 
 
 def population_problems(scenes, seed=0, smoothing=True):
@@ -40,9 +40,9 @@ def population_problems(scenes, seed=0, smoothing=True):
         clay = jaxclay.Clay.cylinder(radius=r0)
         for squash in list(squashes)[:-1]:
             if float(squash.bottom) < 0.8 * float(clay.height):
-                clay = jaxclay.deform(clay, squash, material).clay
+                clay = jaxclay.deform(clay, squash, material, scheme="paper").clay
         if float(squashes[-1].bottom) < 0.8 * float(clay.height):
-            problems.append(jaxclay.pose(clay, squashes[-1], material))
+            problems.append(jaxclay.pose(clay, squashes[-1], material, "paper"))
     assert len(problems) > 0.8 * scenes
     return problems
 

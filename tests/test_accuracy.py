@@ -7,7 +7,7 @@ from oracles import population as drawn
 import jaxclay
 from jaxclay.compare.accuracy import QUICK, row_of, ways
 from jaxclay.compare.population import population
-from jaxclay.compare.solves import Limit, Way, prepared
+from jaxclay.compare.solves import Limit, Way, _in_pieces, prepared
 
 pd = pytest.importorskip("pandas")
 pytest.importorskip("matplotlib").use("Agg")
@@ -18,7 +18,9 @@ from jaxclay.compare.accuracy_tables import reach, summary  # noqa: E402
 
 SEED = 8  # its first two scenes are cylinders squashed at the bottom
 SLICES = Way("paper", "newton", 0, False, 64)
-LOOSE = Way("spline", "newton", 5, True, 1e-2)
+PLACED = Way("placed", "newton", 0, False, 64)
+EQUAL = PLACED._replace(scheme="equal")
+SPANS = Way("spline", "newton", 5, False, 8)
 
 
 @pytest.fixture(scope="module")
@@ -28,12 +30,12 @@ def scenes():
 
 @pytest.fixture(scope="module")
 def measured(scenes):
-    """Every row of two scenes in two ways, and what errors are measured from."""
+    """Every row of two scenes in four ways, and what errors are measured from."""
     exact = [jaxclay.deform(s.clay, s.squash, s.material, tolerance=1e-4) for s in scenes]
     rows = [
         row_of(scene, way, truth, 0.0)
         for scene, truth in zip(scenes, exact, strict=True)
-        for way in (SLICES, LOOSE)
+        for way in (SLICES, EQUAL, PLACED, SPANS)
     ]
     return pd.DataFrame(rows), exact
 
@@ -58,20 +60,45 @@ def test_the_population_is_that_of_the_model(scenes):
 def test_a_rows_error_is_the_librarys(scenes, measured):
     table, exact = measured
     clay = jaxclay.Clay.cylinder(radius=float(scenes[0].clay.r0), slices=64)
-    answer = jaxclay.deform(clay, scenes[0].squash, scenes[0].material)
-    row = table[(table.scene == scenes[0].number) & (table["size"] == 64)].iloc[0]
+    answer = jaxclay.deform(clay, scenes[0].squash, scenes[0].material, scheme="paper")
+    row = table[(table.scene == scenes[0].number) & (table.scheme == "paper")].iloc[0]
     assert row.error == pytest.approx(jaxclay.contour_error(answer.clay, exact[0].clay), rel=1e-6)
     assert row.unknowns == answer.unknowns
     assert row.limit == ""
     assert row.status == "converged"
 
 
-def test_splines_keep_to_the_tolerance_with_fewer_unknowns(measured):
+def test_placed_slices_are_those_that_users_get(scenes, measured):
+    table, exact = measured
+    clay = jaxclay.Clay.cylinder(radius=float(scenes[0].clay.r0), slices=64)
+    answer = jaxclay.deform(clay, scenes[0].squash, scenes[0].material)
+    row = table[(table.scene == scenes[0].number) & (table.scheme == "placed")].iloc[0]
+    assert row.error == pytest.approx(jaxclay.contour_error(answer.clay, exact[0].clay), rel=1e-6)
+
+
+def test_all_three_solves_of_placed_slices_are_timed(scenes):
+    ready = prepared(scenes[0], PLACED)
+    last, answer = ready.solve(), ready.call()
+    assert last.outcome.iterations == answer.iterations
+    assert last.verdict.clay.heights.shape == answer.heights.shape
+    assert len(answer.levels) == 2
+
+
+def test_second_order_is_nearer_than_the_papers_sums(measured):
     table, _ = measured
     for _, rows in table.groupby("scene"):
-        slices, spline = rows.iloc[0], rows.iloc[1]
-        assert spline.error <= 1e-2
-        assert spline.unknowns < slices.unknowns
+        error = rows.set_index("scheme").error
+        assert error.placed < error.equal < error.paper
+        unknowns = rows.set_index("scheme").unknowns
+        assert unknowns.spline < unknowns.paper
+
+
+def test_a_worked_piece_is_cut_without_loss():
+    worked = next(scene for scene in population(2, 0) if scene.worked)
+    slices = _in_pieces(worked.clay)
+    u = np.linspace(0, 1, 1001)
+    assert slices.height_at(u) == pytest.approx(worked.clay.height_at(u), abs=1e-7)
+    assert prepared(worked, PLACED).call().status is jaxclay.Status.CONVERGED
 
 
 def test_times_are_of_warm_calls(measured):
@@ -88,6 +115,8 @@ def test_limits_are_named(scenes):
     wide = scenes[0]._replace(clay=disc, material=jaxclay.Material())
     with pytest.raises(Limit, match="rounding"):
         prepared(wide, SLICES)
+    with pytest.raises(Limit, match="band"):
+        prepared(scenes[0], PLACED._replace(size=4))
     thin = scenes[0]._replace(squash=jaxclay.Squash(0.0, 0.01, float(scenes[0].squash.radius)))
     with pytest.raises(Limit, match="band"):
         prepared(thin, SLICES)
@@ -124,5 +153,5 @@ def test_the_picture_names_its_axes_and_schemes(measured):
     assert "over the height l" in left.get_ylabel()
     assert right.get_xlabel() == "unknowns"
     labels = " ".join(text.get_text() for text in figure.legends[0].get_texts())
-    for name in ("paper's scheme", "splines"):
+    for name in ("paper's sums", "second order", "placed", "splines"):
         assert name in labels

@@ -49,7 +49,17 @@ def test_the_packaged_population_agrees(capsys):
 def test_only_snake_units_are_compared(said):
     code, out = said(TEXT)
     assert code == 0
-    assert out.startswith("2 pairs compared")
+    assert out.startswith("the paper's scheme:\n2 pairs compared")
+
+
+def test_each_scheme_has_its_verdict(said):
+    both = TEXT.replace("settings = {}", 'schemes = ["paper", "slices"]')
+    code, out = said(both)
+    assert code == 0
+    first, second = out.split("second-order slices, equal on each side of the band:\n")
+    for part in (first.removeprefix("the paper's scheme:\n"), second):
+        assert part.startswith("2 pairs compared")
+        assert "all agree" in part
 
 
 def test_a_coarse_greedy_disagrees_and_the_command_for_each_reproduces_it(said):

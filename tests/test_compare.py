@@ -180,4 +180,5 @@ def test_bottles_get_a_squash_at_mid_height_and_one_at_the_shoulder(bottles):
 
 def test_profile_scene_holds_enough_clay_for_a_coarse_grid():
     scene = profile_scene("amphora", "amphora", "middle")
-    assert scene.problems("snake", 40)[-1].band.holds(40).sum() >= 2
+    problem = scene.problems("snake", 40)[-1]
+    assert problem.rest.held(problem.band).sum() >= 2

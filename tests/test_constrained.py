@@ -33,7 +33,7 @@ def floor_scenes():
     uneven = piece(1 + 0.6 * np.sin(7 * u))
     for squash, mu in squashes:
         for clay in (jaxclay.Clay.cylinder(), uneven):
-            problem = jaxclay.pose(clay, squash, Material(mu=mu, alpha=0.0, beta=0.0))
+            problem = jaxclay.pose(clay, squash, Material(mu=mu, alpha=0.0, beta=0.0), "paper")
             assert jaxclay.rough_shape(problem, discrete=True).floored
             yield problem
 

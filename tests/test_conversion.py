@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import piece
-from scipy.interpolate import BPoly
+from scipy.interpolate import BPoly, CubicHermiteSpline
 
 import jaxclay
 from jaxclay import Clay, SmoothClay, contour_error
@@ -130,15 +130,31 @@ def test_bad_requests_are_named():
         clay.as_function().clay.sliced(2)
 
 
-def test_clay_in_slices_is_sampled_at_its_nodes_and_middles():
+def cubic_of(clay, i):
+    """Y on slice i of five: Hermite's cubic, slopes those of the quartics through five nodes."""
+    u, mean = np.arange(6) / 5, 5 * clay.thickness[i]
+    slopes = []
+    for node in (i, i + 1):
+        five = slice(0, 5) if node <= 2 else slice(1, 6)
+        quartic = np.polynomial.Polynomial.fit(u[five], clay.heights[five], 4)
+        slopes.append(np.clip(quartic.deriv()(u[node]), 0.05 * mean, 2.5 * mean))
+    ends = slice(i, i + 2)
+    return CubicHermiteSpline(u[ends], clay.heights[ends], slopes)
+
+
+def test_clay_in_slices_is_cubic_between_its_nodes():
     clay = piece([1, 2, 0.5, 1.5, 1])
     u = np.arange(6) / 5
     np.testing.assert_allclose(clay.height_at(u), clay.heights, rtol=1e-15)
     np.testing.assert_allclose(clay.material_at(clay.heights), u, atol=1e-15)
-    assert clay.height_at(0.1) == pytest.approx(clay.heights[1] / 2, rel=1e-14)
-    middles = (clay.heights[1:] + clay.heights[:-1]) / 2
-    np.testing.assert_allclose(clay.radius_at(middles), clay.radii, rtol=1e-14)
-    assert clay.radius_at(0.0) == clay.radii[0]
+    for i in range(5):
+        cubic, inside = cubic_of(clay, i), u[i] + np.linspace(0.01, 0.99, 9) / 5
+        heights = clay.height_at(inside)
+        np.testing.assert_allclose(heights, cubic(inside), rtol=1e-13)
+        np.testing.assert_allclose(clay.material_at(heights), inside, rtol=1e-13)
+        radii = float(clay.r0) / np.sqrt(cubic(inside, 1))
+        np.testing.assert_allclose(clay.radius_at(heights), radii, rtol=1e-11)
+    assert clay.radius_at(0.0) == pytest.approx(clay.r0 / cubic_of(clay, 0)(0.0, 1) ** 0.5)
     with pytest.raises(ValueError, match=r"height must lie between 0 and 1, got 1\.5"):
         clay.radius_at(1.5)
     with pytest.raises(ValueError, match=r"u must lie between 0 and 1, got 2"):

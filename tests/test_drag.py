@@ -20,7 +20,7 @@ PATHS = {
 def test_dragging_ends_in_the_minima_of_cold_starts(path, material):
     previous = None
     for squash in PATHS[path]:
-        problem = jaxclay.pose(CLAY, squash, material)
+        problem = jaxclay.pose(CLAY, squash, material, "paper")
         previous = minimize(problem, start=previous).raise_for_status()
         cold = minimize(problem)
         assert previous.energy == pytest.approx(cold.energy, rel=1e-9)
@@ -40,7 +40,7 @@ def test_nothing_is_compiled_after_the_first_call_on_as_many_slices():
     minimize(cylinder_problem(MIDDLE, jaxclay.Material(2.0, 0.1, 0.0, 0.3, floor=0.2)))
     heights = jaxclay.rough_shape(cylinder_problem(radius=0.7, height=3.0)).heights
     minimize(cylinder_problem(radius=0.7, height=3.0), start=heights, max_iterations=5)
-    minimize(jaxclay.pose(wavy(3), REFERENCE, SNAKE), tolerance=1e-10)
+    minimize(jaxclay.pose(wavy(3), REFERENCE, SNAKE, "paper"), tolerance=1e-10)
     held = jaxclay.Squash(0.0, 0.3, 0.4, top_fixed=True)
     minimize(cylinder_problem(held), start=first)
     assert _answered.whole._cache_size() == compiled

@@ -20,7 +20,9 @@ PARTS = {
 
 def unit_piece(slices):
     """A unit cylinder of r0 = 1, for which Y_u = 1/X^2 is easy by hand."""
-    return jaxclay.pose(Clay.cylinder(radius=1.0, slices=slices), Squash(0, 0.7, 0.9), WEIGHTS)
+    return jaxclay.pose(
+        Clay.cylinder(radius=1.0, slices=slices), Squash(0, 0.7, 0.9), WEIGHTS, "paper"
+    )
 
 
 def heights_of(radii):
@@ -74,7 +76,7 @@ def test_terms_by_hand(radii, expected):
 @given(seed=st.integers(0, 10**6), size=st.floats(0.01, 0.9))
 def test_terms_agree_with_loops(seed, size):
     rng = np.random.default_rng(seed)
-    problem = jaxclay.pose(wavy(seed % 7), REFERENCE, WEIGHTS)
+    problem = jaxclay.pose(wavy(seed % 7), REFERENCE, WEIGHTS, "paper")
     thickness = np.diff(problem.rest.heights) * rng.uniform(1 - size, 1 + size, 64)
     heights = np.concatenate([[0], np.cumsum(thickness)])
     expected = oracles.energy_terms(heights, **oracles.constants_of(problem))

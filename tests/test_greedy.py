@@ -72,7 +72,7 @@ def test_moves_are_those_of_the_plain_loop(name, threshold):
 @pytest.mark.parametrize("threshold", [1, 4])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_moves_on_a_piece_with_a_history(threshold, seed):
-    problem = pose(wavy(seed), MIDDLE, SNAKE)
+    problem = pose(wavy(seed), MIDDLE, SNAKE, "paper")
     assert_same_moves(problem, start_of(problem), 5e-4, threshold, 12)
 
 
@@ -143,7 +143,7 @@ def test_iteration_limit_is_reported():
 
 def test_step_is_a_multiple_of_the_unit():
     small = cylinder_problem(REFERENCE, SNAKE)
-    big = pose(jaxclay.Clay.cylinder(150, 300), Squash(0, 0.29296875 * 300, 120), SNAKE)
+    big = pose(jaxclay.Clay.cylinder(150, 300), Squash(0, 0.29296875 * 300, 120), SNAKE, "paper")
     one = minimize(small, "greedy", start_of(small), step=3e-4, max_iterations=12)
     other = minimize(big, "greedy", 300 * start_of(small), step=3e-4, max_iterations=12)
     np.testing.assert_allclose(other.heights, 300 * one.heights, rtol=1e-10)

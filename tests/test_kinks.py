@@ -85,7 +85,7 @@ def test_lbfgs_stops_at_a_friction_kink_and_the_judge_refuses_it(derivative):
 
 def test_lbfgs_that_comes_to_its_end_before_the_certificate_reports_stalled():
     """The last node that moves is next to the first that rests, at high friction."""
-    problem = pose(Clay.cylinder(), squash_by(0.1), Material.from_snake_units(mu=100.0))
+    problem = pose(Clay.cylinder(), squash_by(0.1), Material.from_snake_units(mu=100.0), "paper")
     best, answer = solved(problem), minimize(problem, "lbfgs")
     assert answer.status is Status.STALLED
     assert gap(answer, best) < 1e-8
@@ -108,7 +108,7 @@ def test_a_node_that_rests_with_all_its_friction_used_up(moving):
     """In E_move alone: the tool's way is h^2 (1 + 2 + ... + m), and the next node just rests."""
     way = moving * (moving + 1) / 2 / N**2
     top = 3 / 16 + way
-    problem = pose(Clay.cylinder(), Squash(0.0, top, 0.5 * (3 / 16 / top) ** 0.5), BARE)
+    problem = pose(Clay.cylinder(), Squash(0.0, top, 0.5 * (3 / 16 / top) ** 0.5), BARE, "paper")
     solution = solved(problem)
     with jax.enable_x64(True):
         force = np.abs(np.asarray(local.gradient(problem, solution.point)))[12 + moving]

@@ -247,7 +247,7 @@ def test_a_start_exactly_on_the_floor_is_allowed(slices):
     clay = jaxclay.Clay.cylinder(radius=0.5, height=1.3, slices=slices)
     for floor in (0.03, 0.05, 0.07, 0.11):
         material = jaxclay.Material(mu=4.0, alpha=0.0, beta=0.0, floor=floor)
-        problem = jaxclay.pose(clay, jaxclay.Squash(0.0, 0.4, 0.3), material)
+        problem = jaxclay.pose(clay, jaxclay.Squash(0.0, 0.4, 0.3), material, "paper")
         rough = jaxclay.rough_shape(problem, discrete=True)
         assert rough.floored
         again = jaxclay.minimize(problem, start=rough.heights)

@@ -16,7 +16,7 @@ plt = pytest.importorskip("matplotlib.pyplot")
 def solution():
     clay = jaxclay.Clay.cylinder(slices=64)
     material = jaxclay.Material.from_snake_units()
-    return jaxclay.deform(clay, jaxclay.Squash(0.0, 0.3, 0.4), material)
+    return jaxclay.deform(clay, jaxclay.Squash(0.0, 0.3, 0.4), material, scheme="paper")
 
 
 @pytest.fixture(autouse=True)

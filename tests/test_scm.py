@@ -44,7 +44,7 @@ def test_above_a_bottom_band(seed, top, radius, mu, held):
     case, pivot, expected = closed_form(clay, share, top, mu, held)
     assume(expected is not None)
     squash = Squash(0, top, radius, top_fixed=held)
-    rough = rough_shape(pose(clay, squash, Material(mu=mu, floor=SMALL_FLOOR)))
+    rough = rough_shape(pose(clay, squash, Material(mu=mu, floor=SMALL_FLOOR), "paper"))
     np.testing.assert_allclose(rough.heights[share + 1e-9 < U], expected, rtol=0, atol=1e-11)
     assert rough.case == case
     assert rough.reach == pytest.approx(pivot if case == "I" else 1.0, rel=1e-9)
@@ -62,7 +62,7 @@ def test_above_a_bottom_band(seed, top, radius, mu, held):
 def test_both_sides_of_a_middle_band(seed, bottom, radius, mu):
     clay, top = wavy(seed), bottom + 0.2
     squash = Squash(bottom, top, radius)
-    rough = rough_shape(pose(clay, squash, Material(mu=mu, floor=SMALL_FLOOR)))
+    rough = rough_shape(pose(clay, squash, Material(mu=mu, floor=SMALL_FLOOR), "paper"))
     lower, upper = rough.band
     # The lower side is solved upside down, its far end held on the table.
     flipped = piece(clay.thickness[::-1])
@@ -117,7 +117,7 @@ def test_without_friction(radius, held):
 
 def heights_by(bottom, top, radius, mu, top_fixed, discrete=False):
     squash = Squash(bottom, top, radius, top_fixed)
-    return rough_shape(pose(Clay.cylinder(), squash, Material(mu=mu)), discrete).heights
+    return rough_shape(pose(Clay.cylinder(), squash, Material(mu=mu), "paper"), discrete).heights
 
 
 # The scene is traced, so that all scenes below share one compilation.
@@ -192,7 +192,7 @@ def test_discrete_form_is_the_minimum_of_the_sums():
 @pytest.mark.parametrize("squash", DEEP)
 def test_discrete_form_is_the_minimum_above_the_floor(squash):
     for mu in (3.0, 6.0):
-        problem = pose(wavy(4), squash, Material(mu=mu, alpha=0, beta=0))
+        problem = pose(wavy(4), squash, Material(mu=mu, alpha=0, beta=0), "paper")
         rough = rough_shape(problem, discrete=True)
         assert rough.floored
         expected = oracles.discrete_minimum(problem)

@@ -68,7 +68,8 @@ def test_published_energy_errors(degree, elements, unknowns, error):
 
 def test_the_papers_scheme_tends_to_the_same_energy():
     coarse, fine = (
-        jaxclay.deform(jaxclay.Clay.cylinder(slices=n), REFERENCE, PRINTED) for n in (256, 512)
+        jaxclay.deform(jaxclay.Clay.cylinder(slices=n), REFERENCE, PRINTED, scheme="paper")
+        for n in (256, 512)
     )
     extrapolated = 2 * float(fine.energy) - float(coarse.energy)
     assert float(minimum().energy) == pytest.approx(extrapolated, abs=3e-4)
@@ -156,7 +157,7 @@ def test_no_squash_leaves_clay_that_holds_itself_where_it_is():
         ({"tolerance": 1e-4, "elements": 8}, "not both"),
         ({"tolerance": 1e-4, "scheme": "paper"}, 'slices="auto"'),
         ({"slices": "auto"}, "tolerance"),
-        ({"scheme": "cubic"}, "choose from paper, spline"),
+        ({"scheme": "cubic"}, "choose from slices, paper, spline"),
         ({"scheme": "spline", "method": "greedy"}, "choose from newton"),
         ({"scheme": "spline", "window": "auto"}, "window"),
     ],
@@ -169,7 +170,7 @@ def test_bad_settings_get_one_clear_error(arguments, words):
 def test_a_function_does_not_go_into_the_papers_scheme_unsliced():
     smooth = CYLINDER.as_function().clay
     with pytest.raises(ValueError, match="sliced"):
-        jaxclay.pose(smooth, REFERENCE, PRINTED)
+        jaxclay.pose(smooth, REFERENCE, PRINTED, "paper")
 
 
 def test_a_shape_that_is_none_between_gauss_points_is_not_accepted():

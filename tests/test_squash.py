@@ -40,17 +40,17 @@ def test_bad_squashes_are_named(arguments, message):
 )
 def test_squashes_that_do_not_fit_are_named(squash, message):
     with pytest.raises(ValueError, match=message):
-        pose(Clay.cylinder(), squash, SNAKE)
+        pose(Clay.cylinder(), squash, SNAKE, "paper")
 
 
 @pytest.mark.parametrize("bottom", [0.0, 0.41])
 def test_band_too_thin_for_the_grid_names_a_grid_that_works(bottom):
     squash = Squash(bottom, bottom + 0.02, 0.4)  # w = 0.0128, less than one slice of 64
     with pytest.raises(ValueError, match=r"imposes no radius: use at least \d+ slices") as error:
-        pose(Clay.cylinder(), squash, SNAKE)
+        pose(Clay.cylinder(), squash, SNAKE, "paper")
     named = int(re.search(r"at least (\d+) slices", str(error.value)).group(1))
     assert named >= 2 / 0.0128
-    problem = pose(Clay.cylinder(slices=named), squash, SNAKE)
+    problem = pose(Clay.cylinder(slices=named), squash, SNAKE, "paper")
     held = np.flatnonzero(problem.fixed[1:] & problem.fixed[:-1])
     assert held.size >= 1
     np.testing.assert_allclose(np.diff(rough_shape(problem).heights)[held] * named, 1 / 0.64)
@@ -89,7 +89,7 @@ def test_top_of_the_piece_is_swallowed():
 
 
 def test_a_band_over_everything_makes_a_cylinder():
-    solution = jaxclay.deform(Clay.cylinder(), Squash(0.0, 2.0, 0.4), PRINTED)
+    solution = jaxclay.deform(Clay.cylinder(), Squash(0.0, 2.0, 0.4), PRINTED, scheme="paper")
     assert solution.unknowns == 0
     np.testing.assert_allclose(solution.clay.radii, 0.4, rtol=1e-13)
     assert solution.clay.height == pytest.approx(1 / 0.64, rel=1e-13)
@@ -144,7 +144,7 @@ def summed_move_energy(problem, lower, fine=40):
 )
 def test_middle_band_lies_where_both_sides_cost_least(seed, bottom, radius, mu, top_fixed):
     squash = Squash(bottom, bottom + 0.25, radius, top_fixed)
-    problem = pose(wavy(seed), squash, Material(mu=mu))
+    problem = pose(wavy(seed), squash, Material(mu=mu), "paper")
     rough = rough_shape(problem)
     lower, upper = rough.band
     assume(upper < 1)  # else the top is swallowed
@@ -182,9 +182,9 @@ def test_nothing_is_displaced_where_the_tool_has_the_clays_radius():
 
 @pytest.mark.parametrize("bottom", [0.0, 0.4])
 def test_a_scene_in_millimetres_gives_the_same_shape(bottom):
-    one = pose(Clay.cylinder(), Squash(bottom, bottom + 0.3, 0.4), PRINTED)
+    one = pose(Clay.cylinder(), Squash(bottom, bottom + 0.3, 0.4), PRINTED, "paper")
     big = Squash(300 * bottom, 300 * (bottom + 0.3), 120.0)
-    other = pose(Clay.cylinder(radius=150, height=300), big, PRINTED)
+    other = pose(Clay.cylinder(radius=150, height=300), big, PRINTED, "paper")
     a, b = rough_shape(one), rough_shape(other)
     np.testing.assert_allclose(b.heights, 300 * a.heights, rtol=1e-11)
     np.testing.assert_allclose(b.band, a.band, rtol=1e-11)
@@ -195,10 +195,12 @@ def test_a_scene_in_millimetres_gives_the_same_shape(bottom):
 
 def test_the_unit_stays_that_of_the_first_piece():
     slippery = Material.from_snake_units(mu=0.1)
-    clay = jaxclay.deform(Clay.cylinder(height=2.0), Squash(0, 0.6, 0.4), slippery).clay
+    clay = jaxclay.deform(
+        Clay.cylinder(height=2.0), Squash(0, 0.6, 0.4), slippery, scheme="paper"
+    ).clay
     assert clay.unit == 2.0
     assert clay.height > 2.0
-    problem = pose(clay, Squash(0, 0.4, 0.35), SNAKE)
+    problem = pose(clay, Squash(0, 0.4, 0.35), SNAKE, "paper")
     rest = oracles.constants_of(problem)
     np.testing.assert_allclose(rest["Y0"], clay.heights / 2.0, rtol=1e-13)
 
@@ -213,5 +215,5 @@ def test_a_band_a_hair_above_the_bottom_is_a_bottom_band():
 
 
 def test_unknown_scheme_is_named():
-    with pytest.raises(ValueError, match="unknown scheme 'finite elements': choose from paper"):
+    with pytest.raises(ValueError, match="unknown scheme 'finite elements': choose from slices"):
         pose(Clay.cylinder(), REFERENCE, SNAKE, scheme="finite elements")

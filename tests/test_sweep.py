@@ -111,7 +111,7 @@ def test_timing_runs_alone_on_one_core_with_compiling_apart(tmp_path):
 )
 def test_a_batch_has_settings_for_each(method, settings):
     clay, squash = jaxclay.Clay.cylinder(slices=16), jaxclay.Squash(0.0, 0.3, 0.4)
-    problem = jaxclay.pose(clay, squash, jaxclay.Material.from_snake_units())
+    problem = jaxclay.pose(clay, squash, jaxclay.Material.from_snake_units(), "paper")
     answers = minimized([problem] * len(settings), method, settings)
     for answer, chosen in zip(answers, settings, strict=True):
         alone = jaxclay.minimize(problem, method, **chosen)

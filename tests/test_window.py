@@ -44,7 +44,7 @@ def test_a_window_as_large_as_the_clay_is_the_clay():
 
 def test_a_window_is_measured_in_the_length_unit_of_the_clay(whole):
     tall = jaxclay.Clay.cylinder(radius=150.0, height=300.0, slices=512)
-    problem = jaxclay.pose(tall, jaxclay.Squash(0.0, 9.0, 144.0), GRIPPY)
+    problem = jaxclay.pose(tall, jaxclay.Squash(0.0, 9.0, 144.0), GRIPPY, "paper")
     solution = jaxclay.minimize(problem, window=(0.0, 60.0)).raise_for_status()
     assert solution.energy == pytest.approx(whole["low"].energy, rel=1e-10)
     assert solution.heights == pytest.approx(300 * whole["low"].heights, abs=1e-6)
