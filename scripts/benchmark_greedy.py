@@ -25,7 +25,8 @@ SWEEPS, RUNS = 4000, 9
 def visits_a_second(slices: int) -> list[float]:
     """One figure a run, for the reference scene with the printed constants."""
     clay = jaxclay.Clay.cylinder(slices=slices)
-    problem = jaxclay.pose(clay, jaxclay.Squash(0.0, 0.29296875, 0.4), jaxclay.Material())
+    squash = jaxclay.Squash(0.0, 0.29296875, 0.4)
+    problem = jaxclay.pose(clay, squash, jaxclay.Material(), "paper")
     settings = method_settings("greedy", {"step": 1e-9, "max_iterations": SWEEPS})
     start = jaxclay.rough_shape(problem).point
     with jax.enable_x64(True):

@@ -30,7 +30,7 @@ from jaxclay.compare.scenes import Scene, packaged_scenes
 from jaxclay.methods.base import lifted
 from jaxclay.methods.lattice import best_on_lattice, label_steps
 from jaxclay.problem import Problem
-from jaxclay.schemes.paper import Point
+from jaxclay.schemes.sums import Point
 
 GRIDS = (32, 64)
 LABELS = 15

@@ -53,11 +53,11 @@ def drag(effort: Effort) -> Part:
     for units, material in _materials(64).items():
         for name, squash in DRAGS.items():
             clay = jaxclay.Clay.cylinder(slices=DRAGGED)
-            solution = jaxclay.minimize(jaxclay.pose(clay, squash(0), material))
+            solution = jaxclay.minimize(jaxclay.pose(clay, squash(0), material, "paper"))
             cold, before, rows = int(solution.iterations), len(_compilations), []
             for i in range(1, STEPS + 1):
                 begin = time.perf_counter()
-                problem = jaxclay.pose(clay, squash(i), material)
+                problem = jaxclay.pose(clay, squash(i), material, "paper")
                 ready = time.perf_counter()
                 solution = jaxclay.minimize(problem, start=solution)
                 end = time.perf_counter()
@@ -104,7 +104,8 @@ def by_size(effort: Effort) -> Part:
 
 def _cylinder(n: int, squash: jaxclay.Squash) -> Problem:
     """In the grid's own snake units: those of a coarser grid move the free end of a finer one."""
-    return jaxclay.pose(jaxclay.Clay.cylinder(slices=n), squash, _materials(n)["snake"])
+    clay = jaxclay.Clay.cylinder(slices=n)
+    return jaxclay.pose(clay, squash, _materials(n)["snake"], "paper")
 
 
 def in_a_window(effort: Effort) -> Part:
@@ -142,8 +143,8 @@ def over_population(effort: Effort) -> Part:
             clay = jaxclay.Clay.cylinder(radius=r0)
             for squash in squashes[:-1]:
                 if float(squash.bottom) < 0.8 * float(clay.height):
-                    clay = jaxclay.deform(clay, squash, material).clay
-            problem = jaxclay.pose(clay, squashes[-1], material)
+                    clay = jaxclay.deform(clay, squash, material, scheme="paper").clay
+            problem = jaxclay.pose(clay, squashes[-1], material, "paper")
         except ValueError:  # a band above what the earlier squashes left
             left_out += 1
             continue
@@ -177,7 +178,7 @@ start = time.perf_counter()
 import jaxclay
 imported = time.perf_counter()
 clay = jaxclay.Clay.cylinder(slices=64)
-problem = jaxclay.pose(clay, jaxclay.Squash(0.0, 0.3, 0.4), jaxclay.Material())
+problem = jaxclay.pose(clay, jaxclay.Squash(0.0, 0.3, 0.4), jaxclay.Material(), "paper")
 posed = time.perf_counter()
 solution = jaxclay.minimize(problem)
 end = time.perf_counter()

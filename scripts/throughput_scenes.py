@@ -28,7 +28,7 @@ def scenes(name: str, count: int, seed: int = 0) -> list[tuple]:
         if not name.startswith("spline"):
             whole = cut(scene.clay, _SLICES), scene.squash, scene.material
             try:
-                problem = jaxclay.pose(*whole)
+                problem = jaxclay.pose(*whole, scheme="paper")
             except ValueError:  # a band too small for so few slices
                 continue
             whole = (problem,) if name == "solve" else whole
@@ -43,8 +43,12 @@ def _solve(scene):
     return answer.heights, answer.status_code
 
 
+def _on_slices(clay, squash, material):
+    return jaxclay.deform(clay, squash, material, scheme="paper")
+
+
 def _deform(scene):
-    answer = jaxclay.deform(*scene)
+    answer = _on_slices(*scene)
     return answer.heights, answer.status_code
 
 
@@ -59,7 +63,7 @@ def _spline(scene):
 
 WAYS = {
     "solve": Way(jaxclay.minimize, _solve),
-    "deform": Way(jaxclay.deform, _deform),
+    "deform": Way(_on_slices, _deform),
     "spline": Way(_on_spans, _spline),
     f"spline to {_TOLERANCE:g}": Way(
         lambda *scene: jaxclay.deform(*scene, tolerance=_TOLERANCE), None
