@@ -70,6 +70,10 @@ def test_deform_to_a_tolerance_is_the_librarys(tmp_path):
     squash, material = jaxclay.Squash(0, 0.1, 0.2), jaxclay.Material.from_snake_units()
     expected = jaxclay.deform(jaxclay.load_profile("bowl"), squash, material, tolerance=1e-3)
     np.testing.assert_array_equal(jaxclay.load_profile(out).control, expected.clay.control)
+    # Rows are within 1e-6 of a function's contour, so that the solid through them has its volume.
+    y, X = (np.array([float(r[name]) for r in rows(out)]) for name in ("height", "radius"))
+    frusta = np.pi / 3 * np.diff(y) * (X[1:] ** 2 + X[1:] * X[:-1] + X[:-1] ** 2)
+    assert frusta.sum() == pytest.approx(float(expected.clay.volume), rel=1e-5)
 
 
 def test_deform_as_in_1993_is_the_papers_scheme(tmp_path):
