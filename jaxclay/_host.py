@@ -15,7 +15,6 @@ from typing import Any, ClassVar, TypeVar
 
 import jax
 import jax.core
-import jax.numpy as jnp
 import numpy as np
 
 T = TypeVar("T")
@@ -58,8 +57,8 @@ def is_concrete(*trees: Any) -> bool:
 
 
 def is_transformed(*trees: Any) -> bool:
-    """Whether this call happens inside a JAX transformation."""
-    return not is_concrete(*trees) or isinstance(jnp.zeros(()), jax.core.Tracer)
+    """Whether any leaf is a tracer, so that this call is part of a JAX transformation."""
+    return not is_concrete(*trees)
 
 
 def as_float64(tree: T) -> T:
@@ -70,6 +69,11 @@ def as_float64(tree: T) -> T:
         return array.astype(np.float64) if array.dtype.kind in "fiu" else array
 
     return jax.tree.map(convert, tree)
+
+
+def as_compiled() -> Any:
+    """NumPy without warnings, as compiled code has none: what is not finite shows in a status."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
 class Compiled:
@@ -112,7 +116,8 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
     if is_transformed(*args):
         check_float64(name)
         return fun.traced(*args, **static)
-    with jax.enable_x64(True):
+    # Inside a transformation what depends on nothing that is traced is a constant.
+    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
 
 

@@ -15,11 +15,22 @@ import numpy as np
 
 T = TypeVar("T")
 
+_PLAIN = {np.ndarray, np.float64, np.bool_, np.int64, float, int, bool}  # known to be NumPy's
+
 
 def namespace(*trees: Any) -> Any:
     """``jax.numpy`` if any leaf is JAX's own or traced, else ``numpy``."""
-    leaves = jax.tree.leaves(trees)
-    return jnp if any(isinstance(leaf, jax.Array) for leaf in leaves) else np
+    for tree in trees:
+        if type(tree) in _PLAIN:
+            continue
+        if isinstance(tree, tuple):
+            found = namespace(*tree)
+        else:
+            leaves = jax.tree.leaves(tree)
+            found = jnp if any(isinstance(leaf, jax.Array) for leaf in leaves) else np
+        if found is jnp:
+            return jnp
+    return np
 
 
 def pick(values: Any, index: Any) -> Any:

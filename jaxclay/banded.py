@@ -5,10 +5,9 @@ A symmetric matrix H of half-bandwidth b is held as its bands, an array
 apart than b do not meet in H, so 2b + 1 Hessian-vector products, one for each
 colour i mod (2b + 1), hold every entry (Curtis, Powell and Reid 1974).
 
-The factor is L D L^T in the order of cyclic reduction (Hockney 1965; Heller
-1976): blocks of b rows, every other one eliminated at each level, all at once;
-what is left in the end is small and factored as a dense matrix.  It takes
-O(n b^2) operations in O(log n) steps, each of them vectorised.
+The factor is L D L^T, row by row (Golub and Van Loan 2013, section 4.3): a loop that
+carries what the last rows leave to the next b, O(n b^2) operations and as small a program
+whatever n.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ import jax.numpy as jnp
 
 from jaxclay.clay import Array
 
-_DENSE = 36  # rows below which LAPACK's dense factor is faster than another level
 _OUTSIDE = 1e-9  # of a row's size: what counts as an entry outside the bands
 
 
@@ -34,26 +32,26 @@ class Model(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """L D L^T of a banded matrix, level by level.
+    """L D L^T of a banded matrix.
 
     Attributes
     ----------
-    rows : tuple of (b, 3b, m) arrays
-        Per level the unit rows of the eliminated blocks: themselves, the block
-        before, the block after.
-    pivots : tuple of (b, m) arrays
-        Their D.
-    dense : (r, r) array
-        Cholesky factor of what is left.
-    positive : bool
-        Whether every pivot is positive, so that the matrix is positive definite;
-        nothing else in here means anything if not.
+    below : (n, b) array
+        L[i+1+k, i] of the unit lower triangular L.
+    pivots : (n,) array
+        D.
     """
 
-    rows: tuple[Array, ...]
-    pivots: tuple[Array, ...]
-    dense: Array
-    positive: Array
+    below: Array
+    pivots: Array
+
+    @property
+    def positive(self) -> Array:
+        """Whether every pivot is positive, so that the matrix is positive definite.
+
+        Nothing else in here means anything if not.
+        """
+        return jnp.all(self.pivots > 0)
 
 
 def local_model(fun: Callable[[Array], Array], x: Array, half_bandwidth: int) -> Model:
@@ -84,110 +82,57 @@ def dense(bands: Array) -> Array:
 
 def factorize(bands: Array) -> Factor:
     """Factor a symmetric matrix from its bands (b+1, n), b >= 1."""
-    diagonal, coupling, levels = _blocks(bands)
-    b, positive = diagonal.shape[0], jnp.asarray(True)
-    rows, pivots = [], []
-    for _ in range(levels):
-        own, kept = diagonal[:, :, 1::2], diagonal[:, :, 0::2]
-        before, after = jnp.swapaxes(coupling[:, :, 0::2], 0, 1), coupling[:, :, 1::2]
-        # Fused with what follows, XLA would eliminate anew for every entry that uses a row.
-        rows_of = jax.lax.optimization_barrier(jnp.concatenate([own, before, after], axis=1))
-        unit, pivot = jax.lax.optimization_barrier(_eliminate(rows_of))
-        weighted = unit * pivot[:, None]
-        positive &= jnp.all(pivot > 0)
-        b_, a_ = slice(b, 2 * b), slice(2 * b, None)
-        diagonal = kept - _outer(weighted[:, b_], unit[:, b_])
-        diagonal -= _next(_outer(weighted[:, a_], unit[:, a_]))
-        coupling = -_outer(weighted[:, b_], unit[:, a_])
-        rows.append(unit)
-        pivots.append(pivot)
-    dense = jnp.linalg.cholesky(_assembled(diagonal, coupling), symmetrize_input=False)
-    positive &= jnp.isfinite(dense[-1, -1])
-    return Factor(tuple(rows), tuple(pivots), dense, positive)
+    return reduced(bands, jnp.zeros_like(bands[0]))[0]
 
 
 def solve(factor: Factor, rhs: Array) -> Array:
     """H^-1 rhs for rhs (n,)."""
-    n, levels = rhs.shape[0], len(factor.rows)
-    b = factor.rows[0].shape[0] if levels else 1
-    x = jnp.pad(rhs, (0, factor.dense.shape[0] * 2**levels - n)).reshape(-1, b).T
-    eliminated = []
-    for unit, pivot in zip(factor.rows, factor.pivots, strict=True):
-        own, kept = [], x[:, 0::2]
-        for k in range(b):
-            own.append(x[k, 1::2] - sum(unit[j, k] * own[j] for j in range(k)))
-        to_before = jnp.stack([sum(unit[k, b + j] * own[k] for k in range(b)) for j in range(b)])
-        to_after = jnp.stack([sum(unit[k, 2 * b + j] * own[k] for k in range(b)) for j in range(b)])
-        x = kept - to_before - _next(to_after)
-        eliminated.append(jnp.stack(own) / pivot)
-    x = jax.scipy.linalg.cho_solve((factor.dense, True), x.T.reshape(-1)).reshape(-1, b).T
-    for unit, scaled in zip(factor.rows[::-1], eliminated[::-1], strict=True):
-        after = jnp.pad(x[:, 1:], ((0, 0), (0, 1)))
-        own = list(scaled)
-        for k in reversed(range(b)):
-            own[k] -= sum(unit[k, b + j] * x[j] + unit[k, 2 * b + j] * after[j] for j in range(b))
-            own[k] -= sum(unit[k, j] * own[j] for j in range(k + 1, b))
-        x = jnp.stack([x, jnp.stack(own)], axis=2).reshape(b, -1)
-    return x.T.reshape(-1)[:n]
+
+    def row(left, entry):
+        below, force = entry
+        value = force + left[0]
+        return _shifted(left) - below * value, value
+
+    none = jnp.zeros_like(factor.below[0])
+    forward = jax.lax.scan(row, none, (factor.below, rhs))[1]
+    return substituted(factor, forward / factor.pivots)
 
 
-def _blocks(bands: Array) -> tuple[Array, Array, int]:
-    """Diagonal blocks and those that couple each to the next, (b, b, m), and the levels needed.
+def reduced(bands: Array, rhs: Array) -> tuple[Factor, Array]:
+    """The factor and L^-1 rhs, (n,), in one loop."""
+    b = bands.shape[0] - 1
 
-    Rows of the identity are added until the blocks can be halved that often.
-    """
-    b, n = bands.shape[0] - 1, bands.shape[1]
-    blocks, levels = -(-n // b), 0
-    while blocks * b > _DENSE:
-        blocks, levels = -(-blocks // 2), levels + 1
-    blocks *= 2**levels
-    added = jnp.broadcast_to(jnp.arange(b + 1)[:, None] == 0, (b + 1, blocks * b - n))
-    bands = jnp.concatenate([bands, added.astype(bands.dtype)], axis=1)
-    bands = bands.reshape(b + 1, blocks, b)
-    none = jnp.zeros(blocks, bands.dtype)
-    own = [[bands[abs(c - r), :, min(c, r)] for c in range(b)] for r in range(b)]
-    following = [[bands[b + c - r, :, r] if c <= r else none for c in range(b)] for r in range(b)]
-    return _stack(own), _stack(following), levels
+    def row(carry, entries):
+        schur, left = carry
+        band, force = entries
+        band = band + jnp.pad(schur[0], (0, 1))
+        below, value = band[1:] / band[0], force + left[0]
+        # Row j of the Schur complement is told from its diagonal on.
+        outer = jnp.pad((band[1:, None] * below).reshape(-1), (0, b))
+        upper = jnp.where(inside, outer.reshape(b, b + 1)[:, :b], 0.0)
+        schur = jnp.pad(schur[1:], ((0, 1), (0, 0))) - upper
+        return (schur, _shifted(left) - below * value), (below, band[0], value)
 
-
-def _stack(entries: list[list[Array]]) -> Array:
-    return jnp.stack([jnp.stack(row) for row in entries])
+    inside = jnp.arange(b)[:, None] + jnp.arange(b) < b
+    none = jnp.zeros((b, b), bands.dtype), jnp.zeros(b, bands.dtype)
+    below, pivots, forward = jax.lax.scan(row, none, (bands.T, rhs))[1]
+    return Factor(below, pivots), forward
 
 
-def _eliminate(rows: Array) -> tuple[Array, Array]:
-    """Unit rows and pivots of rows (b, w, m) whose first b columns are symmetric."""
-    unit, pivots = [], []
-    for k in range(rows.shape[0]):
-        row = rows[k]
-        for j in range(k):
-            row = row - unit[j][k] * pivots[j] * unit[j]
-        pivots.append(row[k])
-        unit.append(row / row[k])
-    return jnp.stack(unit), jnp.stack(pivots)
+def substituted(factor: Factor, values: Array) -> Array:
+    """L^-T values for values (n,)."""
+
+    def row(above, entry):
+        below, value = entry
+        value = value - below @ above
+        return jnp.append(value, above[:-1]), value
+
+    none = jnp.zeros_like(factor.below[0])
+    return jax.lax.scan(row, none, (factor.below, values), reverse=True)[1]
 
 
-def _outer(left: Array, right: Array) -> Array:
-    """Sum over k of left[k, a] right[k, c]: (b, b, m)."""
-    return sum(left[k][:, None] * right[k][None] for k in range(left.shape[0]))
-
-
-def _next(blocks: Array) -> Array:
-    """Moved from each block to the one after it; the last falls out."""
-    return jnp.pad(blocks[..., :-1], ((0, 0),) * (blocks.ndim - 1) + ((1, 0),))
-
-
-def _assembled(diagonal: Array, coupling: Array) -> Array:
-    """The block tridiagonal matrix, dense."""
-    b, _, m = diagonal.shape
-    own = jnp.moveaxis(diagonal, 2, 0)[:, :, None]
-    before = jnp.moveaxis(jnp.swapaxes(coupling, 0, 1), 2, 0)[None].swapaxes(1, 2)
-    block = jnp.arange(m)[:, None] - jnp.arange(m)
-    at = block[:, None, :, None]
-    # Masks instead of indices: on the CPU a scatter would be a loop.
-    dense = jnp.where(at == 0, own, 0.0) + jnp.where(at == 1, before, 0.0)
-    dense = dense.reshape(m * b, m * b)
-    # Both halves, since the factor's derivative reads both.
-    return jnp.tril(dense) + jnp.tril(dense, -1).T
+def _shifted(left: Array) -> Array:
+    return jnp.append(left[1:], 0.0)
 
 
 def solve_exactly(bands: Array, rhs: Array) -> Array:

@@ -19,19 +19,21 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay import local
 from jaxclay._host import pytree
+from jaxclay.arrays import namespace
+from jaxclay.banded import Model
 from jaxclay.clay import Array
-from jaxclay.curvature import Factors, factors_at
-from jaxclay.problem import Problem
 from jaxclay.schemes.sums import Point
+from jaxclay.system import Linear, System
 
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-_SPRING_ROUNDS = 4
+_SPRING = 1e4  # over the Hessian's largest entry
+_TURNS = 5  # for each pair of forces, of which all but the last read off those of the floor
+_LAST = _TURNS * (2 + len(_AT_REST))
 _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
 
 
@@ -89,24 +91,32 @@ class Certificate:
     on_floor: Array
 
 
-def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
+def certify(system: System, point: Point, forces: Forces) -> Certificate:
     """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
-    model = local.smooth_model(problem, point)
-    energy_free = model.value + jnp.sum(problem.friction_limit * jnp.abs(point.shift))
-    limit, tight = problem.friction_limit, touches_floor(problem, point)
-    rests = problem.free & (point.shift == 0) & (jnp.abs(model.gradient) < limit)
-    factors = factors_at(problem, point, model, rests, tight)
-    gate = DECREMENT * jnp.maximum(energy_free, SMALL)
-    best = _best_forces(problem, point, model.gradient, factors, forces, gate)
-    positive, admissible = factors.positive, _admissible(problem, point)
+    model = system.smooth_model(point)
+    energy = model.value + system.friction_limit @ abs(point.shift)
+
+    def body(search: Search) -> Search:
+        linear, tried = asked(system, point, model, forces, search)
+        answer = system.solve(model.bands, linear)
+        return taken(system, point, model, energy, search, linear, tried, *answer)
+
+    found = jax.lax.while_loop(lambda search: ~search.over, body, first_search(system))
+    return concluded(system, point, found)
+
+
+def concluded(system: System, point: Point, found: Search) -> Certificate:
+    """The certificate of a point whose forces have been searched for."""
+    xp = namespace(point.shift, found.positive)
+    best, positive, admissible = found.best, found.positive, _admissible(system, point)
     return Certificate(
-        accepted=best.passes(gate) & positive & admissible,
-        decrement=jnp.where(positive, best.decrement, jnp.inf),
-        step=jnp.where(positive, best.step, jnp.inf),
-        residual=best.residual / (problem.material.mu + problem.material.k),
+        accepted=best.passes(found.energy_free) & positive & admissible,
+        decrement=xp.where(positive, best.decrement, xp.inf),
+        step=xp.where(positive, best.step, xp.inf),
+        residual=best.residual / (system.mu + system.k),
         positive=positive,
         admissible=admissible,
-        energy_free=energy_free,
+        energy_free=found.energy_free,
         on_floor=best.on_floor,
     )
 
@@ -119,85 +129,143 @@ class _Verdict(NamedTuple):
     residual: Array
     on_floor: Array
 
-    def passes(self, gate: Array) -> Array:
+    def passes(self, energy_free: Array) -> Array:
+        gate = DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
         return (self.decrement <= gate) & (self.step <= STEP)
 
 
-def _best_forces(problem, point, g, factors, forces, gate) -> _Verdict:
-    """The first pair of forces that passes, else the one with the least decrement.
+class Search(NamedTuple):
+    """Where the search for the forces that certify a point stands.
 
     Tried are the solver's own; its friction with floor forces read off; and for
-    each threshold h mu sign(d) beyond it and -g within, with floor forces read off.
-    """
-    d, limit = point.shift, problem.friction_limit
-    own = jnp.clip(forces.friction, -limit, limit)
-    thresholds = jnp.asarray((-1.0, -1.0, *_AT_REST))
-    keeps = problem.free & ~factors.dropped
-    tight = touches_floor(problem, point)
-    shares = jnp.where(problem.free, problem.sums.nodes, 1.0)
+    each threshold h mu sign(d) beyond it and -g within, with floor forces read off.  Floor forces
+    are those that stiff springs need to hold the slices there (method of multipliers).  Where H
+    is indefinite nodes that rest with friction to spare are left out, and slices that the floor
+    pushes on, which cannot get thinner, may be held by springs.
 
-    def judge(i):
-        within = jnp.abs(d) <= thresholds[i]
-        read = jnp.where(within, jnp.clip(-g, -limit, limit), limit * jnp.sign(d))
-        friction = jnp.where(i < 2, own, read)
-        floor = jax.lax.cond(
-            (i > 0) & jnp.any(tight),
-            lambda: _floor_forces(keeps, tight, factors, g + friction),
-            lambda: jnp.where(i > 0, 0.0, jnp.maximum(forces.floor, 0.0)),
-        )
-        r = jnp.where(keeps, g + friction - local.to_nodes(floor), 0.0)
-        newton = jnp.where(keeps, factors.relaxed(r), 0.0)
-        decrement = r @ newton / 2 + jnp.sum(limit * jnp.abs(d) - friction * d)
-        decrement += jnp.sum(floor * problem.slack(point))
-        # Springs may stand in for the floor only where it pushes.
-        honest = factors.plain.positive | jnp.all((floor > 0) | ~tight)
-        decrement = jnp.where(jnp.isnan(decrement) | ~honest, jnp.inf, decrement)
-        pushes = jnp.sum((floor > 0) & tight)
-        residual = jnp.max(jnp.abs(r) / shares)
-        return _Verdict(decrement, jnp.max(jnp.abs(newton)), residual, pushes)
-
-    def go_on(carry):
-        i, best = carry
-        return (i < thresholds.shape[0]) & ~best.passes(gate)
-
-    def body(carry):
-        i, best = carry
-        now = judge(i)
-        better = now.passes(gate) | (now.decrement < best.decrement) | (i == 0)
-        return i + 1, jax.tree.map(lambda a, b: jnp.where(better, a, b), now, best)
-
-    worst = _Verdict(jnp.inf, jnp.inf, jnp.inf, jnp.asarray(0))
-    worst = jax.tree.map(jnp.asarray, worst)
-    return jax.lax.while_loop(go_on, body, (0, worst))[1]
-
-
-def _floor_forces(keeps: Array, tight: Array, factors: Factors, force: Array) -> Array:
-    """(n,) z >= 0 on the slices at the floor that balance a force (n+1,) best.
-
-    Method of multipliers: the springs' forces are added up until the slices
-    stay where they are.
+    Attributes
+    ----------
+    turn : int
+        Which pair, and how far its floor forces are read off.
+    floor : (n,) array
+        Those forces.
+    dropped, held : bools
+        Whether nodes are left out, and slices held, since H was indefinite.
+    positive : bool
+        Whether H is positive definite so.
+    energy_free : float
+    best : _Verdict
+        Of the first pair that passes, else of that with the least decrement.
     """
 
-    def add(_, z):
-        left = jnp.where(keeps, force - local.to_nodes(z), 0.0)
-        return z + factors.springs * jnp.diff(local.relaxed(factors.sprung, left))
+    turn: Array
+    floor: Array
+    dropped: Array
+    held: Array
+    positive: Array
+    energy_free: Array
+    best: _Verdict
 
-    z = jax.lax.fori_loop(0, _SPRING_ROUNDS, add, jnp.zeros_like(factors.springs))
-    return jnp.where(tight, jnp.maximum(z, 0.0), 0.0)
+    @property
+    def over(self) -> Array:
+        """Whether a pair passes or none is left."""
+        return (self.turn >= _LAST) | self.best.passes(self.energy_free)
+
+    @property
+    def reads(self) -> Array:
+        """Whether this turn reads off floor forces."""
+        return self.turn % _TURNS < _TURNS - 1
+
+    def forces(self, system: System, point: Point, gradient, own: Forces) -> Forces:
+        """The pair of this turn, floor forces as far as they are read off."""
+        d, limit, i = point.shift, system.friction_limit, self.turn // _TURNS
+        threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
+        moves = abs(d) > threshold
+        read = jnp.where(i < 2, own.friction, jnp.where(moves, limit * jnp.sign(d), -gradient))
+        floor = jnp.where(i == 0, own.floor, self.floor * (self.turn % _TURNS > 0))
+        floor = jnp.where(self.reads, floor, jnp.maximum(floor, 0.0))
+        return Forces(jnp.maximum(jnp.minimum(read, limit), -limit), floor)
 
 
-def _admissible(problem: Problem, point: Point) -> Array:
+def first_search(system: System) -> Search:
+    """Before anything was tried."""
+    no, inf = jnp.asarray(False), jnp.asarray(jnp.inf)
+    worst = _Verdict(inf, inf, inf, 0 * inf)
+    turn, none = jnp.asarray(_TURNS - 1), jnp.zeros_like(system.floor)
+    return Search(turn, none, no, no, no, jnp.zeros(()), worst)
+
+
+def searched(positive: Array, energy_free: Array, *best: Array) -> Search:
+    """A search of which only the result is known."""
+    return Search(_LAST, 0.0, False, False, positive, energy_free, _Verdict(*best))
+
+
+def asked(
+    system: System, point: Point, model: Model, own: Forces, search: Search
+) -> tuple[Linear, Forces]:
+    """What the next turn takes: the residual, a Hessian that may be held by springs; its forces."""
+    forces = search.forces(system, point, model.gradient, own)
+    rests = (point.shift == 0) & (abs(model.gradient) < system.friction_limit) & search.dropped
+    keep = system.free * (1 - rests)
+    r = model.gradient + forces.friction - system.from_thickness(forces.floor)
+    springs = (search.reads | search.held) * _springs(system, point, model)
+    return Linear(springs, 0 * r, keep * r, keep), forces
+
+
+def taken(
+    system: System, point: Point, model: Model, energy: Array, search: Search,
+    linear: Linear, forces: Forces, answer: Array, positive: Array,
+) -> Search:  # fmt: skip
+    """The search after a turn whose residual r gave H^-1 r, ``answer``; ``energy`` is E_free."""
+    d, limit, r = point.shift, system.friction_limit, linear.force
+    friction, floor = forces
+    tight = touches_floor(system, point)
+    pushed = (floor > 0) & tight
+    touching, pushing = tight.sum(), pushed.sum()
+    left = 0.5 * r * answer + limit * abs(d) - friction * d
+    decrement = (left[1:] + floor * system.slack(point)).sum()
+    # Springs may stand in for the floor only where it pushes.
+    honest = ~search.held | (pushing == touching)
+    decrement = jnp.where(honest & ~jnp.isnan(decrement), decrement, jnp.inf)
+    shares = jnp.where(limit > 0, limit / system.mu, 1.0)
+    step, residual = jnp.max(jnp.stack([abs(answer), abs(r) / shares]), axis=1)
+    now = _Verdict(decrement, step, residual, 1.0 * pushing)
+    better = now.passes(energy) | (decrement < search.best.decrement)
+    better &= ~search.reads & positive
+    # An indefinite H is tried again as long as more of it can be left out.
+    drops = ~positive & ~search.dropped
+    holds = ~positive & ~drops & ~search.held & (touching > 0)
+    following = search.turn + jnp.where(search.reads | (touching > 0), 1, _TURNS)
+    following = jnp.where(positive, following, _LAST)
+    rises = _springs(system, point, model) * system.thickness_change(answer)
+    return Search(
+        turn=jnp.where(drops | holds, search.turn, following),
+        floor=jnp.where(positive & search.reads, floor + rises, 0.0),
+        dropped=search.dropped | drops,
+        held=search.held | holds,
+        positive=positive,
+        energy_free=energy,
+        best=jax.tree.map(lambda a, b: jnp.where(better, a, b), now, search.best),
+    )
+
+
+def _springs(system: System, point: Point, model: Model) -> Array:
+    """(n,) their strength on the slices at the floor."""
+    return touches_floor(system, point) * (_SPRING * jnp.max(abs(model.bands[0])))
+
+
+def _admissible(system: System, point: Point) -> Array:
     """Whether the shape keeps above the floor, in step with itself and to the tool."""
     # A slice on the floor may lie below it by rounding.
-    low = -1e-12 * problem.rest.thickness
-    above_floor = jnp.all(problem.slack(point) >= low) & jnp.all(point.thickness > 0)
+    low = -1e-12 * system.rest_thickness
+    above_floor = (system.slack(point) >= low).all() & (point.thickness > 0).all()
     # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
-    apart = jnp.diff(problem.rest.heights + point.shift) - point.thickness
-    missed = jnp.where(problem.fixed, point.shift - problem.shift, 0.0)
-    consistent = jnp.max(jnp.abs(apart)) <= _CONSISTENT
-    return above_floor & consistent & (jnp.max(jnp.abs(missed)) <= _CONSISTENT)
+    apart = system.rest_thickness + system.thickness_change(point.shift) - point.thickness
+    missed = (1 - system.free) * (point.shift - system.target)
+    consistent = abs(apart).max() <= _CONSISTENT
+    return above_floor & consistent & (abs(missed).max() <= _CONSISTENT)
 
 
-def touches_floor(problem: Problem, point: Point) -> Array:
-    """(n,) loose slices on which the floor may push."""
-    return problem.loose & (problem.slack(point) <= _ON_FLOOR * problem.rest.thickness)
+def touches_floor(system: System, point: Point) -> Array:
+    """(n,) slices on which the floor may push."""
+    return system.slack(point) <= _ON_FLOOR * system.rest_thickness

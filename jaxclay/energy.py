@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
-
+from jaxclay.arrays import namespace
 from jaxclay.clay import Array, Material
 
 
@@ -90,7 +89,7 @@ def strain_density(stretch: Array, k: Array) -> Array:
 
 def friction_density(shift: Array, mu: Array) -> Array:
     """mu |Y - Y0|, eq. 5."""
-    return mu * jnp.abs(shift)
+    return mu * abs(shift)
 
 
 def tension_density(v_u: Array, alpha: Array) -> Array:
@@ -106,20 +105,22 @@ def bending_density(v_uu: Array, beta: Array) -> Array:
 def integrate(samples: Samples, material: Material) -> Terms:
     """The four terms of E_total (eq. 9): densities times weights, summed."""
     s, m, w = samples, material, samples.weights
+    total = namespace(s.shift).sum
     X_u, Y_u = tension_density(s.X_u, m.alpha), tension_density(s.Y_u, m.alpha)
     X_uu, Y_uu = bending_density(s.X_uu, m.beta), bending_density(s.Y_uu, m.beta)
     return Terms(
-        strain=jnp.sum(w.slope * strain_density(s.stretch, m.k)),
-        friction=jnp.sum(w.shift * friction_density(s.shift, m.mu)),
-        tension=jnp.sum(w.first * X_u) + jnp.sum(w.slope * Y_u),
-        bending=jnp.sum(w.second * X_uu) + jnp.sum(w.first * Y_uu),
+        strain=total(w.slope * strain_density(s.stretch, m.k)),
+        friction=total(w.shift * friction_density(s.shift, m.mu)),
+        tension=total(w.first * X_u) + total(w.slope * Y_u),
+        bending=total(w.second * X_uu) + total(w.first * Y_uu),
     )
 
 
 def integrate_smooth(samples: Samples, material: Material) -> Array:
     """E_total without friction, in one sum of each kind."""
     s, m, w = samples, material, samples.weights
+    total = namespace(s.Y_u).sum
     slope = strain_density(s.stretch, m.k) + tension_density(s.Y_u, m.alpha)
     first = tension_density(s.X_u, m.alpha) + bending_density(s.Y_uu, m.beta)
     second = bending_density(s.X_uu, m.beta)
-    return jnp.sum(w.slope * slope) + jnp.sum(w.first * first) + jnp.sum(w.second * second)
+    return total(w.slope * slope) + total(w.first * first) + total(w.second * second)

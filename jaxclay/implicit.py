@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import banded, local
+from jaxclay import banded
 from jaxclay.certificate import touches_floor
 from jaxclay.clay import Array
 from jaxclay.loop import Outcome, Start, run
@@ -24,6 +24,7 @@ from jaxclay.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.sensitivity import of_splines
 from jaxclay.schemes.sums import Point
+from jaxclay.system import Linear
 
 _HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
 
@@ -48,22 +49,22 @@ def _solve_jvp(method, primals, tangents):
 
 def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
     """How the minimum's point on the paper's scheme changes with the problem."""
-    point = outcome.point
+    point, system = outcome.point, problem.system
     moving = problem.free & (point.shift != 0)
-    tight = touches_floor(problem, point)
-    bands = local.smooth_model(problem, point).bands
-    hold = jnp.where(tight, _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
+    bands = system.smooth_model(point).bands
+    hold = jnp.where(touches_floor(system, point), _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
 
     def force(problem: Problem) -> Array:
         """What would move the free nodes if the problem changed around them."""
+        system = problem.system
         shift = jnp.where(problem.fixed, problem.shift, point.shift)
-        thickness = problem.rest.thickness + jnp.diff(shift)
-        below = local.to_nodes(hold * (thickness - problem.floor))
-        friction = problem.friction_limit * jnp.sign(point.shift)
-        return local.gradient(problem, Point(thickness, shift)) + friction + below
+        here = Point(system.rest_thickness + system.thickness_change(shift), shift)
+        friction = system.friction_limit * jnp.sign(point.shift)
+        return system.gradient(here) + friction + system.from_thickness(hold * system.slack(here))
 
     _, rate = jax.jvp(force, (problem,), (change,))
-    matrix = banded.masked(bands + local.between_nodes(hold, problem.free), moving)
+    linear = Linear(hold, 0 * point.shift, rate, 1.0 * moving)
+    matrix = system.matrix(bands, linear)
     step = -banded.solve_exactly(matrix, jnp.where(moving, rate, 0.0))
     shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
     return Point(change.rest.thickness + jnp.diff(shift), shift)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxclay._host import compiled
 from jaxclay.certificate import Forces
@@ -43,15 +44,15 @@ class Outcome(NamedTuple):
 
 def cold(problem: AnyProblem, point: AnyPoint) -> Start:
     """A start of which only the shape is known."""
-    return Start(point, no_forces(problem), jnp.asarray(False))
+    return Start(point, no_forces(problem), np.asarray(False))
 
 
 @compiled("method")
 def solve(
-    problem: AnyProblem, start: AnyPoint, settings: Any, feasible: Array, *, method: str
+    problem: AnyProblem, start: Start, settings: Any, feasible: Array, *, method: str
 ) -> Outcome:
-    """The method from a shape, without the judge: one compiled call."""
-    return run(problem, cold(problem, start), settings, feasible, method)
+    """:func:`run`, without the judge: one compiled call."""
+    return run(problem, start, settings, feasible, method)
 
 
 def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, method: str) -> Outcome:
@@ -61,6 +62,8 @@ def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, metho
     is not finite.
     """
     chosen = METHODS[method]
+    if chosen.folded and hasattr(problem, "system"):
+        problem = problem.system
 
     def body(carry):
         state, _ = carry

@@ -3,34 +3,44 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import compiled, in_float64, is_concrete, is_transformed
-from jaxclay.certificate import certify
+from jaxclay._host import (
+    as_compiled,
+    as_float64,
+    check_float64,
+    compiled,
+    in_float64,
+    is_concrete,
+    is_transformed,
+)
+from jaxclay.arrays import namespace
+from jaxclay.certificate import Certificate, certify
+from jaxclay.certified_newton import solve_on_host
 from jaxclay.checks import check_tolerance
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.implicit import solve_implicitly
-from jaxclay.loop import Outcome
+from jaxclay.loop import Outcome, cold, solve
 from jaxclay.methods.choice import method_settings, spline_settings
+from jaxclay.methods.newton import NewtonSettings
 from jaxclay.posing import check_scheme, pose
 from jaxclay.problem import Problem
 from jaxclay.resolution import hidden_by_rounding
-from jaxclay.schemes.slices.edges import with_edges
-from jaxclay.schemes.slices.ladder import carried
 from jaxclay.schemes.slices.nodes import least_slices
 from jaxclay.schemes.slices.posing import counted, located, pose_on_host
+from jaxclay.schemes.slices.refining import on_slices, to_tolerance
 from jaxclay.schemes.spline.host import deform_to_tolerance, minimize_on_mesh
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape, rough_shape
 from jaxclay.smooth_clay import SmoothClay
-from jaxclay.solution import Solution, Status, Verdict, status_code
+from jaxclay.solution import Derived, Solution, Status, status_code
 from jaxclay.squash import Squash, check_fits
-from jaxclay.start import Begin, begin_from, first_start, within
+from jaxclay.start import start_of
+from jaxclay.system import System
 from jaxclay.window import Piece, minimize_in_window
 
 
@@ -85,8 +95,20 @@ def deform(
     scheme = _scheme(scheme, tolerance, slices, elements)
     given = {"slices": slices, "spacing": spacing, "degree": degree, "elements": elements}
     check_scheme(scheme, **given)
+    if scheme == "slices" and isinstance(clay, Clay) and is_concrete(clay, squash, material):
+        method_settings(method, settings)
+        check_fits(squash, clay)
+        found = located(clay, squash, material)
+        if tolerance is not None:
+            check_tolerance(tolerance)
+            return _by(method, settings, to_tolerance(found, float(tolerance), _newton))
+        wanted = clay.slices if slices is None else slices
+        total, counts = counted(wanted)
+        if spacing == "equal" or counts is not None or total < least_slices(found.band):
+            posed = pose_on_host(found, wanted, spacing or "placed")
+            return minimize(posed, method, **settings)
+        return _by(method, settings, on_slices(found, total, _newton))
     if tolerance is not None:
-        check_tolerance(tolerance)
         if scheme == "paper":
             from jaxclay.auto_slices import deform_on_slices
 
@@ -94,21 +116,33 @@ def deform(
         chosen = spline_settings(method, settings)
         degree = 5 if degree is None else degree
         return deform_to_tolerance(clay, squash, material, tolerance, degree, chosen, method)
-    if scheme == "slices" and isinstance(clay, Clay) and is_concrete(clay, squash, material):
-        return _placed_twice(clay, squash, material, method, slices, spacing, settings)
     return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
+
+
+def _newton(problem: Problem, start: Point | None) -> Solution:
+    """Newton's answer; where a start is given, to a squash that is known to be feasible."""
+    with as_compiled():
+        rough = None if start is not None else rough_shape(problem)
+        begin = cold(problem, start if rough is None else rough.point)
+        feasible = np.asarray(True) if rough is None else rough.feasible
+        found = solve_on_host(problem.system, begin, NewtonSettings(), feasible)
+        return _solution(problem, feasible, *found, "newton")
+
+
+def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
+    """Newton's answer, or that of another method to the same problem."""
+    if method == "newton" and not settings:
+        return found
+    answer = minimize(found.problem, method, **settings)
+    return dataclasses.replace(answer, levels=found.levels, error_estimate=found.error_estimate)
 
 
 def _scheme(scheme, tolerance, slices, elements) -> str:
     """The scheme meant; raises where a tolerance does not go with the rest."""
     if scheme is None:
-        default = "slices" if tolerance is None else "spline"
-        scheme = "paper" if isinstance(slices, str) else default
-    if scheme == "slices" and tolerance is not None:
-        raise ValueError(
-            f'tolerance={tolerance!r} goes with scheme "spline", or with "paper" and '
-            'slices="auto": give slices instead'
-        )
+        scheme = "paper" if isinstance(slices, str) else "slices"
+    if scheme == "slices" and tolerance is not None and slices is not None:
+        raise ValueError(f"give slices={slices!r} or a tolerance, which chooses them, not both")
     if scheme == "spline" and tolerance is not None and elements is not None:
         raise ValueError("give elements or a tolerance, which chooses them, not both")
     if isinstance(slices, str) and slices != "auto":
@@ -119,32 +153,6 @@ def _scheme(scheme, tolerance, slices, elements) -> str:
             f"tolerance: got slices={slices!r} and tolerance={tolerance!r}"
         )
     return scheme
-
-
-def _placed_twice(clay, squash, material, method, slices, spacing, settings) -> Solution:
-    """The answer on nodes placed by the answer on half as many slices, where there are enough."""
-    method_settings(method, settings)
-    check_fits(squash, clay)
-    found = located(clay, squash, material)
-    wanted = clay.slices if slices is None else slices
-    total, counts = counted(wanted)
-    half = total // 2
-    if spacing == "equal" or counts is not None or half < least_slices(found.band):
-        posed = pose_on_host(found, wanted, spacing or "placed")
-        return minimize(posed, method, **settings)
-    coarse, levels = None, []
-    for _ in range(_PLACINGS):
-        coarse = minimize(pose_on_host(found, half, "placed", coarse))
-        levels.append(int(coarse.iterations))
-        if coarse.status is not Status.CONVERGED:
-            return minimize(pose_on_host(found, total, "placed"), method, **settings)
-    problem = pose_on_host(found, total, "placed", coarse)
-    start = carried(problem, coarse) if method == "newton" else None
-    solution = minimize(problem, method, start, **settings)
-    if start is not None and solution.status is not Status.CONVERGED:
-        again = minimize(problem, method, **settings)
-        solution = again if again.status is Status.CONVERGED else solution
-    return dataclasses.replace(solution, levels=np.array(levels))
 
 
 def minimize(
@@ -169,8 +177,7 @@ def minimize(
         Heights to start from, in the clay's length unit (coefficients (N,) for a
         spline), or a point over l; what is prescribed is put where the tool wants it.  Or the
         answer to a squash close by of the same clay, whose displacements, multipliers and resting
-        nodes are used: that is for dragging a tool.  If not given, the rough shape; on
-        more than 256 slices of the paper's scheme ``newton`` goes by way of coarser grids.
+        nodes are used: that is for dragging a tool.  If not given, the rough shape.
     window : "auto" or (bottom, top), optional
         On slices, solve for the clay between these heights of the clay before
         the squash only, or, if "auto", for what the sliced cylinder model moves and some
@@ -198,83 +205,84 @@ def minimize(
             raise ValueError(f'window={window!r} belongs to slices, not to scheme "spline"')
         return minimize_on_mesh(problem, start, spline_settings(method, settings), method)
     chosen = method_settings(method, settings)
-    whole = begin_from(problem, start)
+    if is_transformed(problem, start):
+        check_float64("minimize")
+        return _traced(problem, start, window, chosen, method)
+    with as_compiled():
+        return _on_host(as_float64(problem), start, window, chosen, method)
+
+
+def _on_host(problem: Problem, start, window, chosen, method: str) -> Solution:
+    rough = rough_shape(problem)
+    begin = start_of(problem, rough, start)
     if window is not None:
-        rough = rough_shape(problem)
 
-        def solve(part: Problem, piece: Piece) -> Outcome:
-            begin = within(piece, whole)
-            return in_float64("minimize", _answered, part, begin, chosen, method=method).outcome
+        def solved(part: Problem, piece: Piece) -> Outcome:
+            return _solve_on_host(part, piece.start(begin), chosen, rough.feasible, method)[0]
 
-        outcome = minimize_in_window(problem, rough, window, solve)
+        outcome = minimize_in_window(problem, rough, window, solved)
         if outcome is not None:
             return conclude(problem, rough, outcome, method)
-    answer = in_float64("minimize", _answered, problem, whole, chosen, method=method)
-    return solution_of(problem, answer, method)
-
-
-_PLACINGS = 2  # on half as many slices, before the last one
-
-
-class Answer(NamedTuple):
-    """All that a solve finds out."""
-
-    rough: RoughShape
-    outcome: Outcome
-    levels: Array
-    verdict: Verdict
-
-
-@compiled("method")
-def _answered(problem: Problem, begin: Begin, settings: Any, *, method: str) -> Answer:
-    """Rough shape, coarser grids where they help, the method, the judge: one compiled call."""
-    rough = rough_shape(problem)
-    start, levels = first_start(
-        *jax.lax.stop_gradient((problem, rough.point, begin, settings)), method
-    )
-    outcome = solve_implicitly(problem, start, settings, rough.feasible, method)
-    return Answer(rough, outcome, levels, _judged(problem, outcome, rough.feasible))
-
-
-def solution_of(problem: Problem, answer: Answer, method: str) -> Solution:
-    """The answer as users see it."""
-    rough, outcome, levels, verdict = answer
-    clay = verdict.clay
-    if problem.before is not None and not is_transformed(clay):
-        clay = with_edges(clay, problem, verdict.point.shift)
-    return Solution(
-        clay=clay,
-        point=verdict.point,
-        energy=verdict.terms.total,
-        terms=verdict.terms,
-        iterations=outcome.iterations,
-        levels=levels,
-        certificate=verdict.certificate,
-        forces=outcome.forces,
-        rough=rough,
-        problem=problem,
-        status_code=verdict.code,
-        error_estimate=None,
-        method=method,
-    )
+    found = _solve_on_host(problem, begin, chosen, rough.feasible, method)
+    return _solution(problem, rough.feasible, *found, method)
 
 
 def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
     """Judge where a method, or a solver from elsewhere, ended, and say so."""
-    verdict = in_float64("minimize", _judged, problem, outcome, rough.feasible)
-    return solution_of(problem, Answer(rough, outcome, np.zeros(0, int), verdict), method)
+    problem, outcome = as_float64((problem, outcome))
+    with as_compiled():
+        certificate = in_float64("minimize", _judged, problem.system, outcome, rough.feasible)
+        return _solution(problem, rough.feasible, outcome, certificate, method)
+
+
+def _solve_on_host(problem, start, settings, feasible, method) -> tuple[Outcome, Certificate]:
+    """The method and the judge."""
+    system = problem.system
+    if method == "newton":
+        return solve_on_host(system, start, settings, feasible)
+    outcome = in_float64("minimize", solve, problem, start, settings, feasible, method=method)
+    return outcome, in_float64("minimize", _judged, system, outcome, feasible)
 
 
 @compiled()
-def _judged(problem: Problem, outcome: Outcome, feasible: Array) -> Verdict:
-    """The shape, its terms, its certificate and the status code."""
-    rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
-    point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
-    terms = problem.terms(point)
-    certificate = certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
-    finite = outcome.finite & jnp.isfinite(terms.total)
+def _judged(system: System, outcome: Outcome, feasible: Array) -> Certificate:
+    return certify(system, _kept(system, outcome, feasible), outcome.forces)
+
+
+def _kept(system: System, outcome: Outcome, feasible: Array) -> Point:
+    """The outcome's point; the clay at rest where there is none."""
+    point, xp = outcome.point, namespace(outcome.point, feasible)
+    thickness = xp.where(feasible, point.thickness, system.rest_thickness)
+    return Point(thickness, xp.where(feasible, point.shift, 0.0))
+
+
+def _traced(problem, start, window, settings, method) -> Solution:
+    """The same inside a transformation, with the minimum's derivatives."""
+    rough = rough_shape(problem)
+    if window is not None:
+        minimize_in_window(problem, rough, window, None)
+    still, rough_still = jax.lax.stop_gradient((problem, rough))
+    begin = jax.lax.stop_gradient(start_of(still, rough_still, start))
+    outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)
+    still, last = jax.lax.stop_gradient((problem, outcome))
+    certificate = _judged.traced(still.system, last, rough.feasible)
+    solution = _solution(problem, rough.feasible, outcome, certificate, method)
+    return dataclasses.replace(solution, derived=Derived(solution.clay, solution.terms, rough))
+
+
+def _solution(problem, feasible, outcome: Outcome, certificate: Certificate, method) -> Solution:
+    """The answer as users see it."""
+    xp = namespace(problem.shift, outcome.point, feasible)
+    finite = outcome.finite & xp.isfinite(certificate.energy_free + problem.band_terms.total)
     hidden = hidden_by_rounding(problem)
     code = status_code(outcome.finished, certificate.accepted, finite, feasible, hidden)
-    accepted = code == Status.CONVERGED.value
-    certificate = dataclasses.replace(certificate, accepted=accepted)
-    return Verdict(problem.shape(point), point, terms, certificate, code)
+    return Solution(
+        problem=problem,
+        point=_kept(problem.system, outcome, feasible),
+        forces=outcome.forces,
+        iterations=outcome.iterations,
+        levels=np.zeros(0, int),
+        certificate=dataclasses.replace(certificate, accepted=code == Status.CONVERGED.value),
+        status_code=code,
+        method=method,
+    )

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import compiled, in_float64, is_concrete, pytree
+from jaxclay._host import (
+    as_compiled,
+    as_float64,
+    check_float64,
+    is_concrete,
+    is_transformed,
+    pytree,
+)
+from jaxclay.arrays import namespace
 from jaxclay.band import Band, sides
 from jaxclay.bernstein import DEGREE
 from jaxclay.clay import Array, Clay, unchecked_clay
@@ -121,51 +129,50 @@ def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> Rou
         if discrete:
             raise ValueError('discrete=True belongs to scheme "paper", not to "spline"')
         return problem.rough
-    return in_float64("rough_shape", _discrete if discrete else _continuum, problem)
-
-
-@compiled()
-def _continuum(problem: Problem) -> RoughShape:
-    return _describe(problem, *_solve(problem, discrete=False))
-
-
-@compiled()
-def _discrete(problem: Problem) -> RoughShape:
-    return _describe(problem, *_solve(problem, discrete=True))
+    if is_transformed(problem):
+        check_float64("rough_shape")
+        return _describe(problem, *_solve(problem, discrete))
+    with as_compiled():
+        problem = as_float64(problem)
+        return _describe(problem, *_solve(problem, discrete))
 
 
 def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
+    xp = namespace(problem.shift, problem.band.lower)
     band = _node_band(problem) if discrete else problem.band
     below, above = sides(problem.rest, problem.tool, band)
     if discrete:
-        below, above = below._replace(graded=jnp.zeros(())), above._replace(graded=jnp.zeros(()))
+        below, above = (
+            below._replace(graded=0.0 * below.graded),
+            above._replace(graded=0.0 * above.graded),
+        )
     push_below, push_above = solve_sides((below, above), problem.material)
     change_below = slope_change(below, problem.material, push_below.sigma)
     change_above = slope_change(above, problem.material, push_above.sigma)
 
     outside = below.width + above.width
     outside = outside / problem.sums.width
-    inside = jnp.maximum(1 - outside, 0.0) * problem.band_thickness
+    inside = xp.maximum(1 - outside, 0.0) * problem.band_thickness
     rest_thickness = problem.rest.thickness * outside
     thickness = rest_thickness + change_below + change_above + inside
     # Displacements add up from the far ends, so that clay beyond the reach rests exactly.
-    rises = jnp.where(push_above.case == 2, above.displacement + jnp.sum(change_above), 0.0)
-    from_bottom = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change_below)])
-    from_top = rises - jnp.concatenate([jnp.cumsum(change_above[::-1])[::-1], jnp.zeros(1)])
-    shift = jnp.where(problem.rest.nodes() <= band.lower, from_bottom, from_top)
-    shift = jnp.where(problem.fixed, problem.shift, shift)
+    rises = xp.where(push_above.case == 2, above.displacement + xp.sum(change_above), 0.0)
+    from_bottom = xp.concatenate([xp.zeros(1), xp.cumsum(change_below)])
+    from_top = rises - xp.concatenate([xp.cumsum(change_above[::-1])[::-1], xp.zeros(1)])
+    shift = xp.where(problem.rest.nodes() <= band.lower, from_bottom, from_top)
+    shift = xp.where(problem.fixed, problem.shift, shift)
     # A node that counts as on the band's edge may lie a hair beside it.
     edge = problem.fixed[1:] != problem.fixed[:-1]
-    thickness = jnp.where(edge, problem.rest.thickness + jnp.diff(shift), thickness)
-    point = Point(jnp.where(problem.banded, problem.band_thickness, thickness), shift)
+    thickness = xp.where(edge, problem.rest.thickness + xp.diff(shift), thickness)
+    point = Point(xp.where(problem.banded, problem.band_thickness, thickness), shift)
     return point, (push_below, push_above)
 
 
 def _node_band(problem: Problem) -> Band:
     """The band from its first to its last fixed node."""
     held = problem.rest.held(problem.band)
-    first = jnp.argmax(held)
-    last = problem.slices - jnp.argmax(held[::-1])
+    first = held.argmax()
+    last = problem.slices - held[::-1].argmax()
     nodes, heights = problem.rest.nodes(), problem.rest.heights + problem.shift
     return problem.band._replace(
         lower=nodes[first], upper=nodes[last], bottom=heights[first], top=heights[last]
@@ -183,7 +190,7 @@ def _describe(problem: Problem, point: Point, pushes: tuple[Push, Push]) -> Roug
         reach_below=band.lower - below.reach,
         sigma=above.sigma,
         sigma_below=below.sigma,
-        band=jnp.stack([band.lower, band.upper]),
+        band=namespace(band.lower).stack([band.lower, band.upper]),
         bottom=nodes.bottom * unit,
         top=nodes.top * unit,
         floored=below.floored | above.floored,

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
-from jaxclay._host import pytree
+from jaxclay._host import is_concrete, pytree
+from jaxclay.arrays import namespace
 from jaxclay.certificate import Certificate, Forces
 from jaxclay.clay import Array
 from jaxclay.energy import Terms
 from jaxclay.resolution import resolvable_slices
-from jaxclay.scm import RoughShape
+from jaxclay.schemes.slices.edges import with_edges
+from jaxclay.scm import RoughShape, rough_shape
 
 
 class Status(enum.IntEnum):
@@ -56,15 +57,24 @@ class Verdict(NamedTuple):
     code: Array
 
 
+def shape_of(problem: Any, point: Any) -> Any:
+    """The clay of a point on slices, with the edges of tools that it keeps."""
+    clay = problem.shape(point)
+    if problem.before is None or not is_concrete(clay):
+        return clay
+    return with_edges(clay, problem, point.shift)
+
+
 def status_code(
     finished: Array, accepted: Array, finite: Array, feasible: Array, hidden: Array
 ) -> Array:
     """The status of an outcome; ``hidden`` where float64 could not resolve it."""
-    code = jnp.where(finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
-    code = jnp.where(hidden, Status.UNRESOLVED.value, code)
-    code = jnp.where(accepted, Status.CONVERGED.value, code)
-    code = jnp.where(finite, code, Status.NON_FINITE.value)
-    return jnp.where(feasible, code, Status.INFEASIBLE.value)
+    xp = namespace(finished, accepted, finite, feasible, hidden)
+    code = xp.where(finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
+    code = xp.where(hidden, Status.UNRESOLVED.value, code)
+    code = xp.where(accepted, Status.CONVERGED.value, code)
+    code = xp.where(finite, code, Status.NON_FINITE.value)
+    return xp.where(feasible, code, Status.INFEASIBLE.value)
 
 
 _MEANING = {
@@ -81,6 +91,14 @@ _MEANING = {
 }
 
 
+class Derived(NamedTuple):
+    """What follows from a solution's problem and point, where it is there already."""
+
+    clay: Any
+    terms: Terms
+    rough: RoughShape
+
+
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class Solution:
@@ -88,44 +106,56 @@ class Solution:
 
     Attributes
     ----------
-    clay : Clay or SmoothClay
-        The shape, ready for the next squash; a function if the scheme is "spline".
+    problem : Problem or SplineProblem
     point : Point
-        The same over l, as solvers hold it.
-    energy, terms : float, Terms
-        E_total and its four terms (eq. 9).
-    iterations : int
-        Newton or L-BFGS iterations, greedy's sweeps; on the last grid.
-    levels : (g,) int array
-        Iterations on the coarser grids or meshes that were solved first, coarse to fine;
-        where splines adapt to a tolerance, on all meshes.
-    certificate : Certificate
-        The judge's findings; ``certificate.energy_free`` is E_free.
+        The shape over l, as solvers hold it.
     forces : Forces
         The method's multipliers, from which a squash close by can start.
-    rough : RoughShape
-        What the sliced cylinder model says of the squash.
-    problem : Problem or SplineProblem
-    method : str
+    iterations : int
+        Newton or L-BFGS iterations, greedy's sweeps; of the last solve.
+    levels : (g,) int array
+        Iterations of the solves before it, from which it was placed and started.
+    certificate : Certificate
+        The judge's findings; ``certificate.energy_free`` is E_free.
     status_code : int
         See :attr:`status`.
     error_estimate : float or None
-        Estimate of the contour's error over l where a tolerance was asked for, on either scheme.
+        Estimate of the contour's error over l where a tolerance was asked for.
+    derived : Derived or None
+        None on the host, where that is built when it is asked for.
+    method : str
     """
 
-    clay: Any
+    problem: Any
     point: Any
-    energy: Array
-    terms: Terms
+    forces: Forces
     iterations: Array
     levels: Array
     certificate: Certificate
-    forces: Forces
-    rough: RoughShape
-    problem: Any
     status_code: Array
-    error_estimate: Array | None
-    method: str = dataclasses.field(metadata={"static": True})
+    error_estimate: Array | None = None
+    derived: Derived | None = None
+    method: str = dataclasses.field(default="newton", metadata={"static": True})
+
+    @functools.cached_property
+    def clay(self) -> Any:
+        """The shape, ready for the next squash."""
+        return shape_of(self.problem, self.point) if self.derived is None else self.derived.clay
+
+    @functools.cached_property
+    def terms(self) -> Terms:
+        """E_total's four terms (eq. 9)."""
+        return self.problem.terms(self.point) if self.derived is None else self.derived.terms
+
+    @property
+    def energy(self) -> Array:
+        """E_total (eq. 9)."""
+        return self.terms.total
+
+    @functools.cached_property
+    def rough(self) -> RoughShape:
+        """What the sliced cylinder model says of the squash."""
+        return rough_shape(self.problem) if self.derived is None else self.derived.rough
 
     @property
     def before(self) -> Any:

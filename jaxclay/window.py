@@ -14,12 +14,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import local
 from jaxclay._host import compiled, in_float64, is_transformed
 from jaxclay.band import Rest
 from jaxclay.certificate import Forces
 from jaxclay.clay import Array, unchecked_clay
-from jaxclay.loop import Outcome
+from jaxclay.loop import Outcome, Start
 from jaxclay.problem import Problem
 from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape
@@ -73,6 +72,12 @@ class Piece(NamedTuple):
     def of(self, values: Array, nodes: int = 0) -> Array:
         """The window's part of values of all slices, or of all nodes if ``nodes`` is 1."""
         return values[self.first : self.first + self.size + nodes]
+
+    def start(self, start: Start) -> Start:
+        """The window's part of a start."""
+        (thickness, shift), (friction, floor), near = start
+        point = Point(self.of(thickness), self.of(shift, 1))
+        return Start(point, Forces(self.of(friction, 1), self.of(floor)), near)
 
 
 def _wanted(problem: Problem, rough: RoughShape, window: Window) -> tuple[int, int]:
@@ -149,7 +154,7 @@ def _put_back(problem: Problem, first: Array, part: Outcome) -> tuple[Outcome, A
         within(problem.rest.thickness, part.point.thickness),
         within(jnp.zeros(n + 1), part.point.shift),
     )
-    g, limit = local.gradient(problem, point), problem.friction_limit
+    g, limit = problem.system.gradient(point), problem.friction_limit
     node = jnp.arange(n + 1)
     below = (first > 0) & (node < first + _EDGE)
     above = (first + size < n) & (node > first + size - _EDGE)

@@ -23,7 +23,7 @@ from slices_scenes import FLARED, MATERIALS, population, session
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, contour_error, deform
 from jaxclay._host import as_float64
-from jaxclay.loop import solve
+from jaxclay.loop import cold, solve
 from jaxclay.methods.choice import method_settings
 
 
@@ -166,7 +166,7 @@ def speed(effort: Effort) -> Part:
                 except ValueError:
                     break
                 rough = jaxclay.rough_shape(problem)
-                values = problem, rough.point, settings, rough.feasible
+                values = problem, cold(problem, rough.point), settings, rough.feasible
                 with jax.enable_x64(True):
                     calls[scheme] = jax.device_put(as_float64(values))
             if len(calls) == 2:

@@ -18,7 +18,7 @@ DEEP = [
     (Squash(0.3, 0.6, 0.3), 9.0),
 ]
 
-_certify = jax.jit(certify)
+_certify = jax.jit(lambda problem, *of: certify(problem.system, *of))
 
 
 def judge(problem, heights):

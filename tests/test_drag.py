@@ -5,7 +5,8 @@ import pytest
 from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE, cylinder_problem, wavy
 
 import jaxclay
-from jaxclay.minimize import _answered, minimize
+from jaxclay.certified_newton import program
+from jaxclay.minimize import minimize
 
 CLAY = jaxclay.Clay.cylinder(slices=64)
 PATHS = {
@@ -35,7 +36,7 @@ def test_a_small_step_takes_fewer_iterations_than_a_cold_start():
 
 def test_nothing_is_compiled_after_the_first_call_on_as_many_slices():
     first = minimize(cylinder_problem())
-    compiled = _answered.whole._cache_size()
+    compiled = program.whole._cache_size()
     minimize(cylinder_problem(MIDDLE, PRINTED), start=first)
     minimize(cylinder_problem(MIDDLE, jaxclay.Material(2.0, 0.1, 0.0, 0.3, floor=0.2)))
     heights = jaxclay.rough_shape(cylinder_problem(radius=0.7, height=3.0)).heights
@@ -43,7 +44,7 @@ def test_nothing_is_compiled_after_the_first_call_on_as_many_slices():
     minimize(jaxclay.pose(wavy(3), REFERENCE, SNAKE, "paper"), tolerance=1e-10)
     held = jaxclay.Squash(0.0, 0.3, 0.4, top_fixed=True)
     minimize(cylinder_problem(held), start=first)
-    assert _answered.whole._cache_size() == compiled
+    assert program.whole._cache_size() == compiled
 
 
 def test_an_answer_on_other_slices_is_refused():

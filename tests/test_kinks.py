@@ -8,7 +8,7 @@ from scenes import REFERENCE, SNAKE, cylinder_problem, gap, solved
 from scipy import optimize
 
 import jaxclay
-from jaxclay import Clay, Material, Squash, Status, local, minimize, pose, rough_shape
+from jaxclay import Clay, Material, Squash, Status, minimize, pose, rough_shape
 from jaxclay.atlas.sweeps import squash_by
 from jaxclay.loop import Outcome
 from jaxclay.methods.base import no_forces
@@ -111,7 +111,7 @@ def test_a_node_that_rests_with_all_its_friction_used_up(moving):
     problem = pose(Clay.cylinder(), Squash(0.0, top, 0.5 * (3 / 16 / top) ** 0.5), BARE, "paper")
     solution = solved(problem)
     with jax.enable_x64(True):
-        force = np.abs(np.asarray(local.gradient(problem, solution.point)))[12 + moving]
+        force = np.abs(np.asarray(problem.system.gradient(solution.point)))[12 + moving]
     assert force * N == pytest.approx(1.0, abs=1e-5)
     assert abs(solution.point.shift[12 + moving]) < 1e-9
     exact = rough_shape(problem, discrete=True).heights
@@ -135,6 +135,6 @@ def test_friction_at_which_a_node_begins_to_rest():
     problem = solution.problem
     rests = np.asarray(problem.free) & (solution.point.shift == 0)
     with jax.enable_x64(True):
-        force = np.abs(np.asarray(local.gradient(problem, solution.point)))[rests]
+        force = np.abs(np.asarray(problem.system.gradient(solution.point)))[rests]
     assert count < most
     assert force.max() * N / high == pytest.approx(1.0, abs=1e-3)

@@ -17,7 +17,7 @@ import numpy as np
 from jaxclay._host import as_float64
 from jaxclay.atlas import single
 from jaxclay.atlas.sweeps import SINGLE
-from jaxclay.loop import Outcome, solve
+from jaxclay.loop import Outcome, cold, solve
 from jaxclay.methods import METHODS
 from jaxclay.minimize import Solution, conclude, method_settings, minimize
 from jaxclay.problem import Problem
@@ -95,7 +95,9 @@ def _double(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Ru
     """The solve alone, so that the judge is compiled once for all methods."""
     settings = method_settings(method, {"max_iterations": limit})
     with jax.enable_x64(True):
-        arguments = jax.device_put(as_float64((problem, rough.point, settings, rough.feasible)))
+        arguments = jax.device_put(
+            as_float64((problem, cold(problem, rough.point), settings, rough.feasible))
+        )
         seconds, outcome = _timed(arguments, method)
     return _Run(seconds, int(outcome.iterations), lambda: conclude(problem, rough, outcome, method))
 
@@ -103,7 +105,7 @@ def _double(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Ru
 def _single(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Run:
     settings = method_settings(method, {"max_iterations": limit})
     with jax.enable_x64(False):
-        arguments = single.rounded((problem, rough.point, settings, rough.feasible))
+        arguments = single.rounded((problem, cold(problem, rough.point), settings, rough.feasible))
         seconds, outcome = _timed(jax.device_put(arguments), method)
 
     def judged() -> Solution:

@@ -11,8 +11,7 @@ from typing import NamedTuple, TypeVar
 import jax
 import numpy as np
 
-from jaxclay import local
-from jaxclay.certificate import certify
+from jaxclay.certificate import Certificate, Forces, certify
 from jaxclay.clay import Array
 from jaxclay.loop import Outcome
 from jaxclay.problem import Problem
@@ -86,7 +85,9 @@ def rounding_at(minimum: Solution) -> Rounding:
 
 @jax.jit
 def _derivative(problem: Problem, point: Point) -> tuple[Array, Array]:
-    return problem.terms(point).total, local.gradient(problem, point)
+    return problem.terms(point).total, problem.system.gradient(point)
 
 
-_certified = jax.jit(certify)
+@jax.jit
+def _certified(problem: Problem, point: Point, forces: Forces) -> Certificate:
+    return certify(problem.system, point, forces)

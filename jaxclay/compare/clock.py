@@ -12,7 +12,7 @@ import numpy as np
 from jaxclay._host import as_float64
 from jaxclay.clay import Clay, Material
 from jaxclay.compare.peers import PEERS, prepare
-from jaxclay.loop import solve
+from jaxclay.loop import cold, solve
 from jaxclay.minimize import Solution, conclude, method_settings
 from jaxclay.posing import pose
 from jaxclay.problem import Problem
@@ -76,7 +76,9 @@ def _timed(problem: Problem, rough: RoughShape, method: str, settings: dict) -> 
         return _timed_peer(problem, method, settings)
     with jax.enable_x64(True):
         chosen = method_settings(method, settings)
-        arguments = jax.device_put(as_float64((problem, rough.point, chosen, rough.feasible)))
+        arguments = jax.device_put(
+            as_float64((problem, cold(problem, rough.point), chosen, rough.feasible))
+        )
 
     def once() -> tuple[float, Any]:
         with jax.enable_x64(True):

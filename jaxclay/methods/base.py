@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
+from jaxclay.arrays import namespace
 from jaxclay.certificate import Forces
 from jaxclay.checks import as_number
 from jaxclay.clay import Array
@@ -56,6 +55,8 @@ class Method(NamedTuple):
         minimum close by, with these forces.
     splines : bool
         Whether it knows the scheme "spline" too, and not only nodes.
+    folded : bool
+        Whether on slices it needs no more than :attr:`jaxclay.Problem.system`.
     """
 
     settings: type
@@ -64,20 +65,23 @@ class Method(NamedTuple):
     summary: str
     resume: Callable[[AnyProblem, AnyPoint, Forces, Array, Any], State] | None = None
     splines: bool = False
+    folded: bool = False
 
 
 def no_forces(problem: AnyProblem) -> Forces:
     """Zero multipliers."""
-    return Forces(jnp.zeros_like(problem.friction_limit), jnp.zeros_like(problem.floor))
+    xp = namespace(problem.friction_limit)
+    return Forces(xp.zeros_like(problem.friction_limit), xp.zeros_like(problem.floor))
 
 
 def lifted(problem: AnyProblem, point: AnyPoint) -> AnyPoint:
     """The point moved no further than needed for every slice to reach the floor."""
+    xp = namespace(problem.shift, point)
     even = problem.evened(point, 1.0).thickness
     low = problem.loose & (point.thickness < problem.floor)
-    gained = jnp.where(low, even - point.thickness, 1.0)
-    fraction = jnp.where(low, (problem.floor - point.thickness) / gained, 0.0)
-    return problem.evened(point, jnp.clip(jnp.max(fraction), 0.0, 1.0))
+    gained = xp.where(low, even - point.thickness, 1.0)
+    fraction = xp.where(low, (problem.floor - point.thickness) / gained, 0.0)
+    return problem.evened(point, xp.clip(xp.max(fraction), 0.0, 1.0))
 
 
 def check_setting(name: str, value: float, low: float, high: float = float("inf")) -> None:

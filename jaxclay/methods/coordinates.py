@@ -9,13 +9,14 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 
-from jaxclay import banded, local
+from jaxclay import banded
 from jaxclay.clay import Array
 from jaxclay.methods.base import AnyPoint, AnyProblem
 from jaxclay.methods.springs import Springs
 from jaxclay.methods.stages import Stage
 from jaxclay.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.system import Linear
 
 _POWERS = 20
 AnyStage = Any  # Stage or Springs
@@ -89,11 +90,13 @@ def preconditioned(problem: Problem, stage: Stage) -> Coordinates:
     """L^-T of the Hessian where the stage starts, or of Gauss-Newton's if it is not definite."""
     limit, eps = problem.friction_limit, stage.eps
     kink = limit * eps**2 / (stage.base.shift**2 + eps**2) ** 1.5
-    curvature = jnp.diag(jnp.where(stage.pinning, 0.0, kink))
-    hessian = local.smooth_model(problem, stage.base).bands
-    bend = local.between_nodes(local.radius_curvature(problem, stage.base), problem.free)
-    factor = jnp.linalg.cholesky(banded.dense(hessian) + curvature)
-    fallback = jnp.linalg.cholesky(banded.dense(hessian - bend) + curvature)
+    curvature = jnp.where(stage.pinning, 0.0, kink)
+    system = problem.system
+    bands = system.smooth_model(stage.base).bands
+    factor, fallback = (
+        jnp.linalg.cholesky(banded.dense(system.matrix(bands, Linear(*linear))))
+        for linear in ((0.0, curvature, 0.0, system.free), (-bands[3], curvature, 0.0, system.free))
+    )
     factor = jnp.where(jnp.all(jnp.isfinite(factor)), factor, fallback)
     inverse = jax.scipy.linalg.solve_triangular(factor, jnp.eye(factor.shape[0]), lower=True)
     return Coordinates(jnp.zeros_like(limit), inverse.T, jnp.ones(()))

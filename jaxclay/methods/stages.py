@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxclay import local
 from jaxclay.certificate import SMALL, Forces
 from jaxclay.clay import Array
 from jaxclay.methods.base import no_forces
@@ -114,7 +113,7 @@ def next_stage(problem: Problem, point: Point, stage: Stage) -> tuple[Stage, Arr
     """The next eps; after the last the pins.  Also whether these agree with the forces."""
     limit, d, rungs = problem.friction_limit, point.shift, stage.ladder.shape[0]
     number = stage.number + 1
-    g = local.gradient(problem, point)
+    g = problem.system.gradient(point)
     rests = jnp.abs(d) <= 10 * stage.ladder[-1]
     crossed = stage.signs * d < 0
     leaves = stage.pinned & (jnp.abs(g) > limit)

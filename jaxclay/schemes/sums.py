@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 
+from jaxclay.arrays import namespace
 from jaxclay.band import Rest
 from jaxclay.clay import Array
 from jaxclay.energy import Samples, Weights
@@ -42,7 +42,7 @@ class Point(NamedTuple):
 
     def moved(self, step: Array) -> Point:
         """The shape after every node has moved by ``step``, (n+1,)."""
-        return Point(self.thickness + jnp.diff(step), self.shift + step)
+        return Point(self.thickness + step[1:] - step[:-1], self.shift + step)
 
 
 class Sums(NamedTuple):
@@ -85,7 +85,7 @@ class Sums(NamedTuple):
 
 def radii(rest: Rest, sums: Sums, thickness: Array) -> Array:
     """(n,) X_i = r0 sqrt(h_i / t_i), eq. 22."""
-    return rest.r0 / jnp.sqrt(thickness / sums.width)
+    return rest.r0 / namespace(thickness).sqrt(thickness / sums.width)
 
 
 def sample(rest: Rest, sums: Sums, point: Point) -> Samples:
@@ -96,28 +96,29 @@ def sample(rest: Rest, sums: Sums, point: Point) -> Samples:
 def sample_contour(rest: Rest, sums: Sums, point: Point, X: Array) -> Samples:
     """The same for radii X (n,) of their own, whether or not they keep the volume."""
     Y_u = point.thickness / sums.width
-    X_u = jnp.diff(X) / sums.apart
+    X_u = (X[1:] - X[:-1]) / sums.apart
     return Samples(
         stretch=point.thickness / rest.thickness,
         shift=point.shift,
         Y_u=Y_u,
         X_u=X_u,
-        Y_uu=jnp.diff(Y_u) / sums.apart,
-        X_uu=jnp.diff(X_u) / sums.turn,
+        Y_uu=(Y_u[1:] - Y_u[:-1]) / sums.apart,
+        X_uu=(X_u[1:] - X_u[:-1]) / sums.turn,
         weights=Weights(sums.slices, sums.nodes, sums.between, sums.turn),
     )
 
 
 def sample_free(samples: Samples, free: Array) -> Samples:
     """Samples with the terms that touch no free node set to nothing; free is (n+1,) bool."""
+    xp = namespace(samples.shift, free)
     slices: Any = free[1:] | free[:-1]
     between: Any = slices[1:] | slices[:-1]
     turns: Any = between[1:] | between[:-1]
     return samples._replace(
-        stretch=jnp.where(slices, samples.stretch, 1.0),
-        shift=jnp.where(free, samples.shift, 0.0),
-        Y_u=jnp.where(slices, samples.Y_u, 0.0),
-        X_u=jnp.where(between, samples.X_u, 0.0),
-        Y_uu=jnp.where(between, samples.Y_uu, 0.0),
-        X_uu=jnp.where(turns, samples.X_uu, 0.0),
+        stretch=xp.where(slices, samples.stretch, 1.0),
+        shift=xp.where(free, samples.shift, 0.0),
+        Y_u=xp.where(slices, samples.Y_u, 0.0),
+        X_u=xp.where(between, samples.X_u, 0.0),
+        Y_uu=xp.where(between, samples.Y_uu, 0.0),
+        X_uu=xp.where(turns, samples.X_uu, 0.0),
     )

@@ -1,4 +1,4 @@
-"""An answer on other nodes as a start: from half as many slices to all of them."""
+"""An answer on other nodes as a start."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxclay._host import compiled, in_float64
 from jaxclay.interpolation import interpolant
 from jaxclay.methods.base import lifted
 from jaxclay.problem import Problem
@@ -18,15 +17,11 @@ def carried(problem: Problem, answer: Any) -> Point:
 
     Its displacement between nodes is cubic, and nothing where it rests all around.
     """
-    after, before, band = answer.clay, answer.problem.clay, problem.band
+    after, posed, band = answer.clay, answer.problem, problem.band
+    before = posed.clay
     kept = after.edges[~np.isin(after.edges[:, 0], [band.lower, band.upper])]
     rest = interpolant(before.material, before.heights, before.thickness, kept, before.r0)
     shape, u, unit = after.interpolant, problem.rest.material, float(before.unit)
     shift = (shape.height(u) - rest.height(u)) / unit
     change = (shape.rise(u[:-1], u[1:]) - rest.rise(u[:-1], u[1:])) / unit
-    return in_float64("minimize", _allowed, problem, Point(problem.rest.thickness + change, shift))
-
-
-@compiled()
-def _allowed(problem: Problem, point: Point) -> Point:
-    return lifted(problem, problem.imposed(point))
+    return lifted(problem, problem.imposed(Point(problem.rest.thickness + change, shift)))

@@ -19,6 +19,7 @@ Array = Any
 
 IN_BAND, BESIDE = 2, 4  # least slices under the tool and on a side
 _CUTS = 20  # of a stretch, on the way to a node
+_STEPS = np.concatenate([-np.geomspace(16, 1 / 16, 17), np.geomspace(1 / 16, 16, 17)])
 _NEAREST = 0.2  # of a slice, that is left beside a node that is moved
 _FEW = 3  # old slices at rest that are worth keeping
 
@@ -124,11 +125,24 @@ def _equidistributed(density: Density, cuts, below, share: list, free: list[int]
     def newton(u):
         return u - (density.integral(u) - wanted) / density.value(u)
 
-    low, high = repeat(_CUTS, cut, fixed((low, high)))
-    # Two steps carry the derivatives of the places, up to the third.
-    places = repeat(2, newton, fixed((low + high) / 2))
+    if xp is np:
+        first = _looked_up(density, cuts, wanted)
+        places = np.clip(newton(np.clip(newton(first), low, high)), low, high)
+    else:
+        low, high = repeat(_CUTS, cut, fixed((low, high)))
+        # Two steps carry the derivatives of the places, up to the third.
+        places = repeat(2, newton, fixed((low + high) / 2))
     ends = np.cumsum([part.shape[0] for part in one])[:-1]
     return xp.split(places, ends)
+
+
+def _looked_up(density: Density, cuts: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Where the integral has the wanted values, by straight lines between many places."""
+    corners = np.union1d(density.middle, cuts)
+    corners = corners[(corners >= cuts[0]) & (corners <= cuts[-1])]
+    near = density.at[:, None] + density.length[:, None] * _STEPS
+    places = np.union1d(corners, np.clip(near, cuts[0], cuts[-1]))
+    return np.interp(wanted, density.integral(places), places)
 
 
 def _shared(slices: int, found: list[Stretch], parts: np.ndarray) -> list[int]:

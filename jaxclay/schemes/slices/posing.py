@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import as_float64, is_concrete
+from jaxclay._host import as_compiled, as_float64, is_concrete
 from jaxclay.arrays import namespace
 from jaxclay.band import Band, Rest, Tool, sides, tool_of
 from jaxclay.checks import check_whole
@@ -52,7 +52,7 @@ class Located(NamedTuple):
     band: Band
 
 
-@np.errstate(over="ignore", invalid="ignore")  # as compiled code: the status says so
+@as_compiled()
 def located(clay: Clay, squash: Squash, material: Material, two_sided: Any = True) -> Located:
     """Find the band; ``two_sided`` is False where it is known to begin at the bottom."""
     if is_concrete(clay, squash, material):
@@ -82,7 +82,7 @@ def counted(slices: Any) -> tuple[int, tuple[int, int, int] | None]:
     return int(slices), None
 
 
-@np.errstate(over="ignore", invalid="ignore")
+@as_compiled()
 def problem_of(found: Located, nodes: Array) -> Problem:
     """The problem on nodes of which the band's edges are some."""
     clay, r0, band = found.clay, found.r0, found.band

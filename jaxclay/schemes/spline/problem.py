@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -117,9 +117,24 @@ class SplineProblem:
         change = self.space.values_of(step), self.space.slopes_of(step)
         return Point(point.coefficients + step, point.shift + change[0], point.slopes + change[1])
 
+    @property
+    def friction_total(self) -> Array:
+        """The sum of ``friction_limit``, or hardly anything."""
+        return jnp.maximum(jnp.sum(self.friction_limit), 1e-300)
+
+    @property
+    def k(self) -> Array:
+        """The material's."""
+        return self.material.k
+
+    def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
+        """Energy of friction smoothed by eps, and of the floor's barrier."""
+        smoothed = self.friction_limit * jnp.sqrt(point.shift**2 + eps**2)
+        return jnp.sum(smoothed) - weight * jnp.sum(jnp.log(self.slack(point)))
+
     def slack(self, point: Point) -> Array:
         """(S * 4,) Y_u above the floor."""
-        return point.thickness - self.floor
+        return jnp.where(self.loose, point.thickness - self.floor, 1.0)
 
     def shift_change(self, step: Array) -> Array:
         """(S * 6,) by how much a step changes the displacements."""
@@ -198,6 +213,12 @@ class SplineProblem:
     def relaxed(self, stiff: Factor, force: Array) -> Array:
         """(N,) H^-1 force."""
         return banded.solve(stiff, force)
+
+    def newton_step(self, point: Point, matrix: Array, pull: Any) -> tuple[Array, Array]:
+        """(N,) H^-1 force; whether H is positive definite."""
+        gauss = pull.gauss > 0
+        stiff = self.stiffness(point, matrix, pull.floor, pull.friction, pull.shift, gauss)
+        return self.relaxed(stiff, pull.force), stiff.positive
 
     def evened(self, point: Point, fraction: Array) -> Point:
         """The point moved by ``fraction`` towards each side of the band squeezed evenly."""
