@@ -61,6 +61,22 @@ def is_transformed(*trees: Any) -> bool:
     return not is_concrete(*trees)
 
 
+def kept(compute: Callable[[Any], T]) -> Any:
+    """A property that is computed once, but anew inside transformations, which own what they make."""
+    name = f"_kept_{compute.__name__}"
+
+    @functools.wraps(compute)
+    def get(self):
+        found = self.__dict__.get(name)
+        if found is None:
+            found = compute(self)
+            if is_concrete(found):
+                self.__dict__[name] = found
+        return found
+
+    return property(get)
+
+
 def as_float64(tree: T) -> T:
     """Every floating leaf as NumPy float64 (strong type: one compilation serves all values)."""
 

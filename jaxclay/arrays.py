@@ -23,12 +23,11 @@ def namespace(*trees: Any) -> Any:
     for tree in trees:
         if type(tree) in _PLAIN:
             continue
-        if isinstance(tree, tuple):
-            found = namespace(*tree)
-        else:
-            leaves = jax.tree.leaves(tree)
-            found = jnp if any(isinstance(leaf, jax.Array) for leaf in leaves) else np
-        if found is jnp:
+        if isinstance(tree, jax.Array):
+            return jnp
+        # Looked through by hand, since this is asked some hundred times for one squash.
+        parts = tree if isinstance(tree, tuple | list) else getattr(tree, "__dict__", {}).values()
+        if namespace(*parts) is jnp:
             return jnp
     return np
 

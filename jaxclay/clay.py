@@ -9,13 +9,12 @@ X_i = r0 sqrt(h_i / t_i) (eq. 22), with r0 = sqrt(volume / pi).
 from __future__ import annotations
 
 import dataclasses
-import functools
 from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 
-from jaxclay._host import is_concrete, pytree
+from jaxclay._host import is_concrete, kept, pytree
 from jaxclay.arrays import namespace
 from jaxclay.checks import (
     as_number,
@@ -191,7 +190,7 @@ class Clay:
             self.material, equal_nodes(self.slices)
         )
 
-    @functools.cached_property
+    @kept
     def interpolant(self) -> Interpolant:
         """Y(u) between the nodes: :mod:`jaxclay.interpolation`."""
         return interpolant(self.material, self.heights, self.thickness, self.edges, self.r0)

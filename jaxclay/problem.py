@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 
 import numpy as np
 
-from jaxclay._host import pytree
+from jaxclay._host import kept, pytree
 from jaxclay.arrays import namespace
 from jaxclay.band import Band, Rest, Tool
 from jaxclay.clay import Array, Clay, Material, unchecked_clay
@@ -183,7 +182,7 @@ class Problem:
         """The point after every node has moved by ``step``, (n+1,)."""
         return point.moved(step)
 
-    @functools.cached_property
+    @kept
     def system(self) -> System:
         """What Newton and the judge see of it."""
         return system_of(self)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import functools
 from typing import Any, NamedTuple
 
-from jaxclay._host import is_concrete, pytree
+from jaxclay._host import is_concrete, kept, pytree
 from jaxclay.arrays import namespace
 from jaxclay.certificate import Certificate, Forces
 from jaxclay.clay import Array
@@ -137,12 +136,12 @@ class Solution:
     derived: Derived | None = None
     method: str = dataclasses.field(default="newton", metadata={"static": True})
 
-    @functools.cached_property
+    @kept
     def clay(self) -> Any:
         """The shape, ready for the next squash."""
         return shape_of(self.problem, self.point) if self.derived is None else self.derived.clay
 
-    @functools.cached_property
+    @kept
     def terms(self) -> Terms:
         """E_total's four terms (eq. 9)."""
         return self.problem.terms(self.point) if self.derived is None else self.derived.terms
@@ -152,7 +151,7 @@ class Solution:
         """E_total (eq. 9)."""
         return self.terms.total
 
-    @functools.cached_property
+    @kept
     def rough(self) -> RoughShape:
         """What the sliced cylinder model says of the squash."""
         return rough_shape(self.problem) if self.derived is None else self.derived.rough

@@ -278,7 +278,7 @@ def system_of(problem: Problem) -> System:
         floor=problem.floor,
         strain=loose * sums.slices * material.k,
         slope=2 * material.alpha * loose * sums.slices,
-        radii=_by_radii(xp, apart, tension, turn),
+        radii=_by_radii(apart, tension, turn),
         apart=apart,
         tension=tension,
         change=change,
@@ -290,19 +290,16 @@ def system_of(problem: Problem) -> System:
     )
 
 
-def _by_radii(xp, apart: Array, tension: Array, turn: Array) -> tuple[Array, Array, Array]:
+def _by_radii(apart: Array, tension: Array, turn: Array) -> tuple[Array, Array, Array]:
     """d^2E / dX^2 in bands (n,)."""
     near, far = apart[:-1], apart[1:]
     both = near + far
-
-    def at(offset: int, values: Array) -> Array:
-        """Values of middles, which begin at slice ``offset``."""
-        return xp.pad(values, (offset, tension.shape[0] + 1 - offset - values.shape[0]))
-
-    own = at(0, tension) + at(1, tension)
-    own += at(0, turn * near**2) + at(1, turn * both**2) + at(2, turn * far**2)
-    beside = -at(0, tension) - at(0, turn * near * both) - at(1, turn * far * both)
-    return own, beside, at(0, turn * near * far)
+    own = _padded(tension, 0, 1) + _padded(tension, 1, 0)
+    own += _padded(turn * near * near, 0, 2) + _padded(turn * both * both, 1, 1)
+    own += _padded(turn * far * far, 2, 0)
+    beside = _padded(tension, 0, 1) + _padded(turn * near * both, 0, 2)
+    beside += _padded(turn * far * both, 1, 1)
+    return own, -beside, _padded(turn * near * far, 0, 2)
 
 
 def _differences(values: Array) -> Array:
@@ -312,8 +309,11 @@ def _differences(values: Array) -> Array:
 def _padded(values: Array, low: int, high: int) -> Array:
     """With zeros before and after; with fewer entries where a number is negative."""
     if namespace(values) is np:
-        kept = values[max(-low, 0) : len(values) - max(-high, 0)]
-        return np.pad(kept, (max(low, 0), max(high, 0)))
+        whole = np.zeros(len(values) + low + high)
+        whole[max(low, 0) : len(whole) - max(high, 0)] = values[
+            max(-low, 0) : len(values) - max(-high, 0)
+        ]
+        return whole
     return jax.lax.pad(values, jnp.zeros((), values.dtype), [(low, high, 0)])
 
 
