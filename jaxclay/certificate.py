@@ -19,8 +19,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay import local
+from jaxclay import _repr, local
 from jaxclay._host import pytree
+from jaxclay.arrays import namespace
 from jaxclay.clay import Array
 from jaxclay.curvature import Factors, factors_at
 from jaxclay.problem import Problem
@@ -88,6 +89,28 @@ class Certificate:
     energy_free: Array
     on_floor: Array
 
+    def __repr__(self) -> str:
+        say, flag = _repr.figure, _repr.flag
+        return _repr.lines(
+            f"Certificate: {flag(self.accepted, 'accepted', 'refused')}",
+            f"{self.gain}, step {say(self.step, '.2g')} (at most {STEP:.2g})",
+            f"positive curvature: {flag(self.positive)}, admissible: {flag(self.admissible)}, "
+            f"slices on the floor: {say(self.on_floor)}",
+            f"E_free {say(self.energy_free)}, residual {say(self.residual, '.2g')}",
+        )
+
+    @property
+    def gain(self) -> str:
+        """The decrement beside what is accepted, in words."""
+        most = _repr.derived(accepted_decrement, self.energy_free)
+        decrement = _repr.figure(self.decrement, ".2g")
+        return f"decrement {decrement} (at most {_repr.figure(most, '.2g')})"
+
+
+def accepted_decrement(energy_free: Array) -> Array:
+    """The largest decrement that is accepted where E_free is this."""
+    return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
+
 
 def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
     """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
@@ -96,7 +119,7 @@ def certify(problem: Problem, point: Point, forces: Forces) -> Certificate:
     limit, tight = problem.friction_limit, touches_floor(problem, point)
     rests = problem.free & (point.shift == 0) & (jnp.abs(model.gradient) < limit)
     factors = factors_at(problem, point, model, rests, tight)
-    gate = DECREMENT * jnp.maximum(energy_free, SMALL)
+    gate = accepted_decrement(energy_free)
     best = _best_forces(problem, point, model.gradient, factors, forces, gate)
     positive, admissible = factors.positive, _admissible(problem, point)
     return Certificate(

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import local
+from jaxclay import _repr, local
 from jaxclay._host import pytree
 from jaxclay.band import Band, Rest, Tool
 from jaxclay.banded import Model
@@ -61,6 +61,14 @@ class Problem:
     band_terms: Terms
     before: Clay | None = dataclasses.field(default=None, metadata={"host": True})
     scheme: str = dataclasses.field(default="paper", metadata={"static": True})
+
+    def __repr__(self) -> str:
+        return _repr.lines(
+            f'Problem on scheme "{self.scheme}": {_repr.size(self.rest.thickness)}, '
+            f"{_repr.free(self.fixed)} heights free",
+            *_repr.asked(self.tool, self.material),
+            f"clay: {_repr.dimensions(self.clay)}",
+        )
 
     @property
     def slices(self) -> int:
