@@ -21,6 +21,7 @@ import numpy as np
 T = TypeVar("T")
 
 _MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have
+_LOOK_AFTER = 16  # compilations, of some hundred mappings each
 
 
 def pytree(cls: type[T]) -> type[T]:
@@ -112,6 +113,7 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
     if is_transformed(*args):
         check_float64(name)
         return fun.traced(*args, **static)
+    let_go()
     with jax.enable_x64(True):
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
 
@@ -127,11 +129,27 @@ def check_float64(name: str) -> None:
         )
 
 
+_compilations: list[float] = []  # seconds of each since mappings were last counted
+
+
+def _count(event: str, duration_secs: float, **_: Any) -> None:
+    if event == "/jax/core/compile/backend_compile_duration":
+        _compilations.append(duration_secs)
+
+
+jax.monitoring.register_event_duration_secs_listener(_count)
+
+
 def let_go() -> None:
     """Let go of all that is compiled where the kernel's limit of mappings comes near.
 
     JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
+    For every call from the host, never inside a trace: mappings are counted, which takes
+    milliseconds, only after some compilations.
     """
+    if len(_compilations) < _LOOK_AFTER:
+        return
+    _compilations.clear()
     maps = Path("/proc/self/maps")
     if maps.exists() and len(maps.read_text().splitlines()) > _MOST_MAPPINGS:
         jax.clear_caches()
