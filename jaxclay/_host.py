@@ -144,10 +144,10 @@ def let_go() -> None:
     """Let go of all that is compiled where the kernel's limit of mappings comes near.
 
     JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
-    For every call from the host, never inside a trace: mappings are counted, which takes
-    milliseconds, only after some compilations.
+    For every call from the host.  Mappings are counted, which takes milliseconds, only after some
+    compilations, and never inside a trace, which needs what has been compiled.
     """
-    if len(_compilations) < _LOOK_AFTER:
+    if len(_compilations) < _LOOK_AFTER or isinstance(jnp.zeros(()), jax.core.Tracer):
         return
     _compilations.clear()
     maps = Path("/proc/self/maps")

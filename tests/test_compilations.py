@@ -71,6 +71,7 @@ def test_nothing_is_let_go_inside_a_trace(monkeypatch):
 
     with jax.enable_x64(True):
         jax.jit(energy).trace(1.0)
+        jax.jit(lambda scale: scale * energy(1.0)).trace(1.0)  # nothing of it is traced
     assert not cleared
     energy(1.0)
     assert cleared or not Path("/proc/self/maps").exists()
