@@ -39,7 +39,7 @@ def first_answers(effort) -> Part:
             runs["the same a second time"].append(_command(empty))
     found = table(
         "a. First answers of a fresh process, no cache on disk but for the command's second time",
-        *("what", "CPU seconds", "compiling, of it", "programs", "J"),
+        *("what", "CPU seconds", "XLA, wall seconds", "programs", "J"),
     )
     J = np.median([row[0] for row in runs["J"]])
     for name, rows in runs.items():
@@ -52,7 +52,7 @@ def first_answers(effort) -> Part:
     ]
     notes = [
         "a. J: jaxopt.LBFGS on the paper's sums, reference scene; CPU of all threads; no imports",
-        "a. compiling: wall seconds of tracing, lowering and XLA; the command is timed as a whole",
+        "a. the command line is timed from its start to its end, imports and files included",
     ]
     return Part(found, bounds, notes)
 
@@ -64,7 +64,7 @@ def second_session(effort) -> Part:
         rows = _child("sessions", empty)
     found = table(
         "b. Two sessions of 20 squashes to 1e-3 in a fresh process",
-        *("session", "CPU seconds", "compiling, of it", "programs"),
+        *("session", "CPU seconds", "XLA, wall seconds", "programs"),
     )
     for name, (cpu, compiling, made) in zip(("first", "second"), rows, strict=True):
         found.add_row(name, f"{cpu:.3g}", f"{compiling:.3g}", f"{made:.0f}")
@@ -72,7 +72,7 @@ def second_session(effort) -> Part:
 
 
 def _child(name: str, empty: str) -> list[list[float]]:
-    """CPU seconds, seconds of compiling and programs of each step of :mod:`first_answers`."""
+    """CPU seconds, seconds of XLA and programs of each step of :mod:`first_answers`."""
     return json.loads(_run([sys.executable, _CHILD, name], empty))
 
 

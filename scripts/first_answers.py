@@ -1,7 +1,7 @@
 """First answers of a fresh process: python scripts/first_answers.py NAME prints what each costs.
 
-A JSON list with an entry for each step: CPU seconds of all threads, seconds that JAX spent on
-tracing and compiling, programs compiled.  Imports come before the first step.
+A JSON list with an entry for each step: CPU seconds of all threads, seconds that XLA compiled,
+programs that it compiled.  Imports come before the first step.
 """
 
 from __future__ import annotations
@@ -11,12 +11,16 @@ import sys
 import time
 from collections.abc import Callable
 
+import jax
+from clocks import compilations
+
+import jaxclay
+
 Steps = list[Callable[[], object]]
 
 
 def lbfgs() -> Steps:
     """jaxopt.LBFGS on the reference scene, n = 64, snake units: what J is."""
-    import jax
     import jax.numpy as jnp
     import jaxopt
 
@@ -71,8 +75,6 @@ def sessions() -> Steps:
 
 
 def _squashed(squashes, clay=None, **how):
-    import jaxclay
-
     clay = jaxclay.Clay.cylinder() if clay is None else clay
     for squash in squashes:
         material = jaxclay.Material.from_snake_units()
@@ -83,24 +85,12 @@ def _squashed(squashes, clay=None, **how):
 
 def main(name: str) -> None:
     """Run the steps of a name."""
-    import jax
-
-    import jaxclay  # noqa: F401  its import is not timed
-
-    steps, compiling, made = globals()[name](), [0.0], [0]
-
-    def listen(event: str, duration_secs: float, **_: str | int) -> None:
-        if event.startswith("/jax/core/compile/"):
-            compiling[0] += duration_secs
-            made[0] += event.endswith("backend_compile_duration")
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    rows = []
+    steps, rows = globals()[name](), []
     for step in steps:
-        before = time.process_time(), compiling[0], made[0]
+        compilations.clear()
+        begin = time.process_time()
         step()
-        after = time.process_time(), compiling[0], made[0]
-        rows.append([b - a for a, b in zip(before, after, strict=True)])
+        rows.append([time.process_time() - begin, sum(compilations), len(compilations)])
     print(json.dumps(rows))
 
 
