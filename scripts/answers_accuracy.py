@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from answers_speed import SEED, kernel, posed
@@ -68,34 +68,52 @@ def _row(scene: Scene, truth: Clay, tolerance: float, seconds: float) -> tuple[f
     return error, estimate, slices, taken["deform"], taken["solve"]
 
 
-class Session(NamedTuple):
-    """What became of a session to a tolerance, beside the same squashes on fine slices."""
+class Session:
+    """What becomes of a session to a tolerance.
 
-    error: float
-    slices: int  # most that were stored
-    refused: list[str]  # why
-    wrongly: int  # refused though fine slices solve it
-    solves: list[float]  # seconds of each squash over those of a solve at n = 256
+    Attributes
+    ----------
+    clay : Clay
+    slices : int
+        Most that were stored.
+    refused : list of str
+        Why, for every squash that was refused.
+    wrongly : int
+        How many of them fine slices solve.
+    solves : list of float
+        Seconds of each squash over those of a solve at n = 256.
+    """
 
+    def __init__(self, clay: Clay, material: Material, tolerance: float):
+        self.clay, self.material, self.tolerance = clay, material, tolerance
+        self.slices, self.wrongly = 0, 0
+        self.refused: list[str] = []
+        self.solves: list[float] = []
 
-def _session(seed: int, material: Material, tolerance: float) -> Session:
-    """Squashes are chosen by the fine shape, so that all tolerances get the same."""
-    rng = np.random.default_rng(seed)
-    exact = clay = Clay.cylinder(radius=0.4)
-    refused, wrongly, slices, solves = [], 0, 0, []
-    for _ in range(SQUASHES):
-        tool, before = next_squash(rng, exact), clay
-        exact, missing = _squashed(exact, tool, material, slices=_FINE)
-        clay, why = _squashed(before, tool, material, tolerance=tolerance)
-        refused += [why] if why else []
-        wrongly += bool(why and not missing)
-        slices = max(slices, np.size(clay.heights) - 1)
-        if tolerance == TOLERANCES[0] and not why:
-            call = lambda c=before, t=tool: deform(c, t, material, tolerance=tolerance)  # noqa: E731
-            solve = kernel(posed(Scene(before, tool, material, True), 256))
+    def squash(self, tool: Squash, solvable: bool) -> None:
+        """One squash more; timed for the loosest tolerance."""
+        before, how = self.clay, dict[str, Any](tolerance=self.tolerance)
+        self.clay, why = _squashed(before, tool, self.material, **how)
+        self.slices = max(self.slices, np.size(self.clay.heights) - 1)
+        self.refused += [why] if why else []
+        self.wrongly += bool(why and solvable)
+        if self.tolerance == TOLERANCES[0] and not why:
+            solve = kernel(posed(Scene(before, tool, self.material, True), 256))
+            call = lambda: deform(before, tool, self.material, **how)  # noqa: E731
             taken = medians({"deform": call, "solve": solve}, 0.0)
-            solves.append(taken["deform"] / taken["solve"])
-    return Session(contour_error(clay, exact), slices, refused, wrongly, solves)
+            self.solves.append(taken["deform"] / taken["solve"])
+
+
+def _sessions(seed: int, material: Material) -> tuple[Clay, list[Session]]:
+    """A session by tolerance, with the squashes that fine slices' shape chooses; and that shape."""
+    rng, exact = np.random.default_rng(seed), Clay.cylinder(radius=0.4)
+    runs = [Session(exact, material, tolerance) for tolerance in TOLERANCES]
+    for _ in range(SQUASHES):
+        tool = next_squash(rng, exact)
+        exact, missing = _squashed(exact, tool, material, slices=_FINE)
+        for run in runs:
+            run.squash(tool, not missing)
+    return exact, runs
 
 
 def _squashed(clay: Clay, tool: Squash, material: Material, **how: Any) -> tuple[Clay, str]:
@@ -121,28 +139,30 @@ def sessions(effort) -> Part:
         f"h. Sessions of {SQUASHES} squashes, errors against n = {_FINE}",
         *("material", "tolerance", "squashes", "refused", "error 50%", "error 90%", "most slices"),
     )
-    rows: dict[float, list[Session]] = {tolerance: [] for tolerance in TOLERANCES}
+    every: list[Session] = []
+    errors: dict[float, list[float]] = {tolerance: [] for tolerance in TOLERANCES}
     for name, material in MATERIALS.items():
-        for tolerance in TOLERANCES:
-            some = [_session(seed, material, tolerance) for seed in range(effort.sessions)]
-            rows[tolerance] += some
-            errors = np.quantile([one.error for one in some], (0.5, 0.9))
-            refused, most = sum(len(one.refused) for one in some), max(o.slices for o in some)
+        pairs = [_sessions(seed, material) for seed in range(effort.sessions)]
+        for i, tolerance in enumerate(TOLERANCES):
+            some = [runs[i] for _, runs in pairs]
+            these = [contour_error(runs[i].clay, exact) for exact, runs in pairs]
+            every, errors[tolerance] = every + some, errors[tolerance] + these
+            refused, most = sum(len(run.refused) for run in some), max(r.slices for r in some)
             cells = name, f"{tolerance:g}", str(SQUASHES * len(some)), str(refused)
-            found.add_row(*cells, *(f"{error:.2g}" for error in errors), str(most))
-    every = [one for those in rows.values() for one in those]
-    refused = [why for one in every for why in one.refused]
+            middle, high = np.quantile(these, (0.5, 0.9))
+            found.add_row(*cells, f"{middle:.2g}", f"{high:.2g}", str(most))
+    refused = [why for run in every for why in run.refused]
     share = 1 - len(refused) / (SQUASHES * len(every))
-    times = [ratio for one in rows[TOLERANCES[0]] for ratio in one.solves]
+    times = [ratio for run in every for ratio in run.solves]
     bounds = [
         at_least("h. squashes converged", share, 0.999, "{:.2%}"),
-        at_most("h. refused though n = 2048 solves it", sum(o.wrongly for o in every), 0, "{}"),
-        at_most("h. storage, slices", max(one.slices for one in every), 1499, "{}"),
+        at_most("h. refused though n = 2048 solves it", sum(run.wrongly for run in every), 0, "{}"),
+        at_most("h. storage, slices", max(run.slices for run in every), 1499, "{}"),
         at_most("h. a squash to 1e-3 in solves at 256, median", np.median(times), 8),
         at_most("h. the same, 90%", np.quantile(times, 0.9), 20),
     ]
-    for tolerance, those in rows.items():
-        high = np.quantile([one.error for one in those], 0.9) / tolerance
+    for tolerance, those in errors.items():
+        high = np.quantile(those, 0.9) / tolerance
         bounds.append(at_most(f"h. {tolerance:g}: error in the end, 90%", high, 2, unit=" times"))
     return Part(found, bounds, [f"h. refused: {why}" for why in dict.fromkeys(refused)])
 
