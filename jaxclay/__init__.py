@@ -1,7 +1,10 @@
 """Differentiable virtual clay: rotationally symmetric deformation by energy minimisation."""
 
+import builtins
+
 from jaxclay.certificate import Certificate as Certificate
 from jaxclay.clay import Clay as Clay, Material as Material
+from jaxclay.compilations import keep_compilations as keep_compilations
 from jaxclay.contour import area_error as area_error, contour_error as contour_error
 from jaxclay.energies import (
     bending_energy as bending_energy,
@@ -33,6 +36,9 @@ from jaxclay.squash import Squash as Squash
 from jaxclay.svg import save_svg as save_svg
 
 __version__ = "0.1.0"
+
+if hasattr(builtins, "__IPYTHON__"):
+    keep_compilations()
 
 
 def __getattr__(name: str):

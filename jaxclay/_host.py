@@ -15,11 +15,13 @@ from typing import Any, ClassVar, TypeVar
 
 import jax
 import jax.core
+import jax.numpy as jnp
 import numpy as np
 
 T = TypeVar("T")
 
 _MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have
+_LOOK_AFTER = 16  # compilations, of some hundred mappings each
 
 
 def pytree(cls: type[T]) -> type[T]:
@@ -62,7 +64,7 @@ def is_transformed(*trees: Any) -> bool:
 
 
 def kept(compute: Callable[[Any], T]) -> Any:
-    """A property that is computed once, but anew inside transformations, which own what they make."""
+    """A property that is computed once, but anew inside each transformation."""
     name = f"_kept_{compute.__name__}"
 
     @functools.wraps(compute)
@@ -132,6 +134,7 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
     if is_transformed(*args):
         check_float64(name)
         return fun.traced(*args, **static)
+    let_go()
     # Inside a transformation what depends on nothing that is traced is a constant.
     with jax.ensure_compile_time_eval(), jax.enable_x64(True):
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
@@ -148,11 +151,27 @@ def check_float64(name: str) -> None:
         )
 
 
+_compilations: list[float] = []  # seconds of each since mappings were last counted
+
+
+def _count(event: str, duration_secs: float, **_: Any) -> None:
+    if event == "/jax/core/compile/backend_compile_duration":
+        _compilations.append(duration_secs)
+
+
+jax.monitoring.register_event_duration_secs_listener(_count)
+
+
 def let_go() -> None:
     """Let go of all that is compiled where the kernel's limit of mappings comes near.
 
     JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
+    For every call from the host.  Mappings are counted, which takes milliseconds, only after some
+    compilations, and never inside a trace, which needs what has been compiled.
     """
+    if len(_compilations) < _LOOK_AFTER or isinstance(jnp.zeros(()), jax.core.Tracer):
+        return
+    _compilations.clear()
     maps = Path("/proc/self/maps")
     if maps.exists() and len(maps.read_text().splitlines()) > _MOST_MAPPINGS:
         jax.clear_caches()

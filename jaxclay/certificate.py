@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from jaxclay import _repr
 from jaxclay._host import pytree
 from jaxclay.arrays import namespace
 from jaxclay.banded import Model
@@ -90,6 +91,28 @@ class Certificate:
     energy_free: Array
     on_floor: Array
 
+    def __repr__(self) -> str:
+        say, flag = _repr.figure, _repr.flag
+        return _repr.lines(
+            f"Certificate: {flag(self.accepted, 'accepted', 'refused')}",
+            f"{self.gain}, step {say(self.step, '.2g')} (at most {STEP:.2g})",
+            f"positive curvature: {flag(self.positive)}, admissible: {flag(self.admissible)}, "
+            f"slices on the floor: {say(self.on_floor)}",
+            f"E_free {say(self.energy_free)}, residual {say(self.residual, '.2g')}",
+        )
+
+    @property
+    def gain(self) -> str:
+        """The decrement beside what is accepted, in words."""
+        most = _repr.derived(accepted_decrement, self.energy_free)
+        decrement = _repr.figure(self.decrement, ".2g")
+        return f"decrement {decrement} (at most {_repr.figure(most, '.2g')})"
+
+
+def accepted_decrement(energy_free: Array) -> Array:
+    """The largest decrement that is accepted where E_free is this."""
+    return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
+
 
 def certify(system: System, point: Point, forces: Forces) -> Certificate:
     """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
@@ -130,8 +153,7 @@ class _Verdict(NamedTuple):
     on_floor: Array
 
     def passes(self, energy_free: Array) -> Array:
-        gate = DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
-        return (self.decrement <= gate) & (self.step <= STEP)
+        return (self.decrement <= accepted_decrement(energy_free)) & (self.step <= STEP)
 
 
 class Search(NamedTuple):

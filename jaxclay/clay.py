@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from jaxclay import _repr
 from jaxclay._host import is_concrete, kept, pytree
 from jaxclay.arrays import namespace
 from jaxclay.checks import (
@@ -248,6 +249,11 @@ class Clay:
         from jaxclay.conversion import as_function
 
         return as_function(self, tolerance)
+
+    def __repr__(self) -> str:
+        edges = sum(np.shape(self.edges)[-2:-1])
+        size = _repr.size(self.thickness)
+        return _repr.lines(f"Clay: {size}, {edges} radii of edges", _repr.dimensions(self))
 
     def _repr_html_(self) -> str:
         from jaxclay._html import clay_html

@@ -39,7 +39,7 @@ def entry() -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 if it went well, 2 on bad input, 130 on Ctrl-C."""
     options = _parser().parse_args(arguments)
-    keep_compilations()
+    jaxclay.keep_compilations()
     try:
         return options.run(options)
     except (ValueError, OSError, ImportError, RuntimeError) as error:
@@ -62,17 +62,6 @@ def check_interrupt() -> None:
     """Raise what a callback of JAX's may have swallowed."""
     if _interrupts:
         raise KeyboardInterrupt
-
-
-def keep_compilations() -> None:
-    """Keep JAX's compilations on disk, so that the second run of anything starts at once."""
-    import jax
-
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache / "jaxclay" / "compilations"))
-    jax.config.update("jax_compilation_cache_dir", folder)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from jaxclay import _repr
 from jaxclay._host import kept, pytree
 from jaxclay.arrays import namespace
 from jaxclay.band import Band, Rest, Tool
@@ -58,6 +59,14 @@ class Problem:
     band_terms: Terms
     before: Clay | None = dataclasses.field(default=None, metadata={"host": True})
     scheme: str = dataclasses.field(default="paper", metadata={"static": True})
+
+    def __repr__(self) -> str:
+        return _repr.lines(
+            f'Problem on scheme "{self.scheme}": {_repr.size(self.rest.thickness)}, '
+            f"{_repr.free(self.fixed)} heights free",
+            *_repr.asked(self.tool, self.material),
+            f"clay: {_repr.dimensions(self.clay)}",
+        )
 
     @property
     def slices(self) -> int:

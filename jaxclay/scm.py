@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import jax.numpy as jnp
 import numpy as np
 
+from jaxclay import _repr
 from jaxclay._host import (
     as_compiled,
     as_float64,
@@ -89,6 +90,20 @@ class RoughShape:
         shape = unchecked_clay(self.heights, thickness, before.r0, before.unit, self.nodes)
         exact = is_concrete(shape, self.band) and np.isin(self.band, shape.material).all()
         return with_jumps(shape, np.asarray(self.band)) if exact and not shape.equal else shape
+
+    def __repr__(self) -> str:
+        say = _repr.figure
+        above, below = (_repr.named(c, _CASES) for c in (self.case_code, self.case_below_code))
+        return _repr.lines(
+            f"RoughShape: {_repr.size(self.point.thickness)}, "
+            f"{_repr.flag(self.feasible, 'feasible', 'infeasible')}",
+            f"band: bottom {say(self.bottom)}, top {say(self.top)}",
+            f"above it: case {above}, reach u1 {say(self.reach, '.4g')}, "
+            f"push {say(self.sigma, '.4g')}",
+            f"below it: case {below}, reach u1 {say(self.reach_below, '.4g')}, "
+            f"push {say(self.sigma_below, '.4g')}",
+            f"thickness floor active: {_repr.flag(self.floored)}",
+        )
 
     @property
     def case(self) -> str:

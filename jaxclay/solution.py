@@ -6,6 +6,7 @@ import dataclasses
 import enum
 from typing import Any, NamedTuple
 
+from jaxclay import _repr
 from jaxclay._host import is_concrete, kept, pytree
 from jaxclay.arrays import namespace
 from jaxclay.certificate import Certificate, Forces
@@ -44,6 +45,9 @@ class Status(enum.IntEnum):
 
     def __str__(self) -> str:
         return self.name.lower().replace("_", " ").replace("non finite", "non-finite")
+
+
+_NAMES = {status.value: str(status) for status in Status}
 
 
 class Verdict(NamedTuple):
@@ -215,6 +219,21 @@ class Solution:
         if self.status is not Status.CONVERGED:
             raise RuntimeError(self.message)
         return self
+
+    def __repr__(self) -> str:
+        say, code = _repr.figure, _repr.known(self.status_code)
+        told = code is not None and code.ndim == 0 and is_concrete(self)
+        terms = [f"{name} {say(value, '.4g')}" for name, value in self.terms._asdict().items()]
+        error = self.error_estimate
+        within = "" if error is None else f", contour within {say(error, '.2g')} l"
+        return _repr.lines(
+            "Solution by "
+            + (self.message if told else f"{self.method}: {_repr.named(self.status_code, _NAMES)}"),
+            f"E_total {say(self.energy)} = {' + '.join(terms)}",
+            self.certificate.gain,
+            f"{_repr.free(self.problem.fixed)} unknowns, {say(self.iterations)} iterations{within}",
+            f"clay: {_repr.dimensions(self.clay)}",
+        )
 
     def _repr_html_(self) -> str:
         from jaxclay._html import solution_html

@@ -31,7 +31,6 @@ from throughput_scenes import WAYS, scenes
 
 import jaxclay
 from jaxclay._host import Compiled
-from jaxclay.cli import keep_compilations
 from jaxclay.compare.solves import on_device
 from jaxclay.sweep.backends import cores, one_thread
 from jaxclay.sweep.batched import CAPACITY, stack
@@ -52,7 +51,7 @@ class Seconds(NamedTuple):
 def main() -> int:
     """Measure and print."""
     arguments = parsed()
-    keep_compilations()
+    jaxclay.keep_compilations()
     console = Console(width=110)
     found = table(
         f"{arguments.scenes} squashes, a second",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from bounds import Bound, Part, table
-from newton_timing import SAME, Effort, alternate, coarse_to_fine, direct, posed, spread
-from scipy.linalg import solveh_banded
+from clocks import banded_solve, medians, spread
+from newton_timing import SAME, Effort, coarse_to_fine, direct, posed
 
 import jaxclay
 from jaxclay.compare.peers import prepare
@@ -52,12 +52,12 @@ def against_ipopt(effort: Effort) -> Part:
 def _race(problem, seconds: float) -> dict:
     newton, ipopt = direct(problem), prepare("ipopt", problem)
     calls = {"newton": newton, "whole": lambda: jaxclay.minimize(problem), "ipopt": ipopt.solve}
-    medians = {name: np.median(times) for name, times in alternate(calls, seconds).items()}
+    taken = medians(calls, seconds)
     ours, theirs = newton.judged()[0], ipopt.judge(ipopt.solve())
     gap = float((theirs.energy - ours.energy) / ours.certificate.energy_free)
     accepted = {"ours": ours.certificate.accepted, "theirs": theirs.certificate.accepted}
     judged = {name: bool(value) for name, value in accepted.items()}
-    return {**medians, **judged, "gap": gap, "same": judged["ours"] and abs(gap) <= SAME}
+    return {**taken, **judged, "gap": gap, "same": judged["ours"] and abs(gap) <= SAME}
 
 
 def in_banded_solves(effort: Effort) -> Part:
@@ -95,29 +95,18 @@ def in_banded_solves(effort: Effort) -> Part:
 def _weigh(problem, seconds: float) -> dict:
     """Of each way: seconds, units, iterations, certified; the unit in seconds; the best way."""
     n = problem.slices
-    bands, rhs = _some_matrix(n), np.ones(n)
     ways = {"direct": direct(problem)}
     if n > 256:
         ways["climb"] = coarse_to_fine(problem)
-    calls = ways | {"unit": lambda: solveh_banded(bands, rhs, lower=True)}
-    medians = {name: float(np.median(t)) for name, t in alternate(calls, seconds).items()}
-    row: dict = {"unit": medians["unit"]}
+    taken = medians(ways | {"unit": banded_solve(n)}, seconds)
+    row: dict = {"unit": taken["unit"]}
     for name, way in ways.items():
         solution, iterations = way.judged()
-        units, accepted = medians[name] / medians["unit"], bool(solution.certificate.accepted)
-        row[name] = medians[name], units, int(iterations[-1]), accepted
+        units, accepted = taken[name] / taken["unit"], bool(solution.certificate.accepted)
+        row[name] = taken[name], units, int(iterations[-1]), accepted
         row["status"] = str(solution.status)
     row["best"] = min((row[name][1] for name in ways if row[name][3]), default=np.inf)
     return row
-
-
-def _some_matrix(n: int) -> np.ndarray:
-    """Bands of a positive definite matrix of half-bandwidth 3."""
-    bands = np.zeros((4, n))
-    for k, value in enumerate((20.0, -15.0, 6.0, -1.0)):  # sixth differences
-        bands[k, : n - k] = value
-    bands[0] += 1.0
-    return bands
 
 
 def by_level(effort: Effort) -> Part:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxclay.refine import refined_start
 
 import jaxclay
 from jaxclay._host import Compiled, as_float64, compiled
@@ -17,9 +16,7 @@ from jaxclay.compare.scenes import NAMED
 from jaxclay.loop import cold, run, solve
 from jaxclay.minimize import Solution, conclude, method_settings
 from jaxclay.problem import Problem
-from jaxclay.refine import refined_start
 
-_BURST = 5e-3  # seconds
 SAME = 1e-7  # of E_free: energies nearer than that are of the same minimum
 
 
@@ -31,14 +28,6 @@ class Effort(NamedTuple):
     seconds: float  # of timed repeats that a scene gets
     population: int  # random scenes
     processes: int  # fresh ones
-
-
-def spread(values, form: str = "{:.3g}", scale: float = 1.0) -> str:
-    """Median, least and most."""
-    if not len(values):
-        return "-"
-    values = scale * np.asarray(values)
-    return "{} [{}, {}]".format(*(form.format(f(values)) for f in (np.median, np.min, np.max)))
 
 
 @lru_cache
@@ -99,29 +88,3 @@ def climb(problem, rough, settings, feasible):
     """The outcome, and the iterations on the coarser grids."""
     start, levels = refined_start(problem, rough, settings, "newton", jnp.asarray(True))
     return run(problem, cold(problem, start), settings, feasible, "newton"), levels
-
-
-def alternate(calls: dict[str, Callable[[], Any]], seconds: float) -> dict[str, np.ndarray]:
-    """Seconds of each call, all of them made in turn, over and over; the first turn compiles.
-
-    Short calls are made several times a turn, the first of them not timed: it pays for
-    what the others left in the caches.
-    """
-    taken: dict[str, list[float]] = {name: [] for name in calls}
-    often = {name: _clocked(call, 2)[1] for name, call in calls.items()}
-    often = {name: int(np.clip(_BURST / once, 1, 20)) for name, once in often.items()}
-    end = time.perf_counter() + seconds
-    while min(map(len, taken.values())) < 3 or time.perf_counter() < end:
-        for name, call in calls.items():
-            if often[name] > 1:
-                call()
-            taken[name] += _clocked(call, often[name])
-    return {name: np.array(times) for name, times in taken.items()}
-
-
-def _clocked(call: Callable[[], Any], times: int) -> list[float]:
-    clock = [time.perf_counter()]
-    for _ in range(times):
-        call()
-        clock.append(time.perf_counter())
-    return np.diff(clock).tolist()

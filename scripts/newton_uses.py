@@ -11,10 +11,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import jax
 import numpy as np
 from bounds import Bound, Part, table
-from newton_timing import SAME, Effort, alternate, spread
+from clocks import alternate, compilations, spread
+from newton_timing import SAME, Effort
 
 import jaxclay
 from jaxclay.problem import Problem
@@ -24,16 +24,6 @@ from oracles import population  # pyright: ignore[reportMissingImports]
 
 STEPS, DRAGGED = 60, 256  # of the tool, slices
 FIRST_CALL, FIRST_CACHED = 2.5, 0.5  # seconds
-
-_compilations: list[float] = []  # seconds of each
-
-
-def _listen(event: str, duration_secs: float, **_: str | int) -> None:
-    if event.endswith("backend_compile_duration"):
-        _compilations.append(duration_secs)
-
-
-jax.monitoring.register_event_duration_secs_listener(_listen)
 
 DRAGS: dict[str, Callable[[int], jaxclay.Squash]] = {
     "radius": lambda i: jaxclay.Squash(0.0, 0.3, 0.45 - 0.001 * i),
@@ -49,12 +39,12 @@ def drag(effort: Effort) -> Part:
         *("tool", "median ms", "p99 ms", "p99/median", "iterations", "cold", "pose ms"),
         *("certified", "compilations"),
     )
-    compilations, ratios = 0, []
+    made, ratios = 0, []
     for units, material in _materials(64).items():
         for name, squash in DRAGS.items():
             clay = jaxclay.Clay.cylinder(slices=DRAGGED)
             solution = jaxclay.minimize(jaxclay.pose(clay, squash(0), material, "paper"))
-            cold, before, rows = int(solution.iterations), len(_compilations), []
+            cold, before, rows = int(solution.iterations), len(compilations), []
             for i in range(1, STEPS + 1):
                 begin = time.perf_counter()
                 problem = jaxclay.pose(clay, squash(i), material, "paper")
@@ -64,7 +54,7 @@ def drag(effort: Effort) -> Part:
                 accepted = bool(solution.certificate.accepted)
                 rows.append((end - ready, ready - begin, int(solution.iterations), accepted))
             times, poses, iterations, accepted = map(np.array, zip(*rows, strict=True))
-            compilations += (new := len(_compilations) - before)
+            made += (new := len(compilations) - before)
             median, p99 = np.percentile(times, (50, 99))
             ratios.append(p99 / median)
             found.add_row(
@@ -72,7 +62,7 @@ def drag(effort: Effort) -> Part:
                 *(f"{ratios[-1]:.2f}", spread(iterations, "{:.0f}"), str(cold)),
                 *(f"{1e3 * np.median(poses):.3g}", f"{accepted.sum()}/{STEPS}", str(new)),
             )
-    bound = Bound("c. compilations after the first step", "0", str(compilations), compilations == 0)
+    bound = Bound("c. compilations after the first step", "0", str(made), made == 0)
     return Part(found, [bound], [f"c. p99/median of all drags: {spread(ratios)}"])
 
 

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import as_float64, compiled
+from jaxclay._host import as_float64, compiled, let_go
 from jaxclay.clay import Array
 from jaxclay.methods.choice import method_settings
 from jaxclay.minimize import Solution, minimize
@@ -41,6 +41,7 @@ def minimized(
 
 
 def _solved(pairs: list[tuple[Problem, dict]], method: str, shape: _Shape) -> Iterator[Solution]:
+    let_go()
     with jax.enable_x64(True):
         found = _many.whole(
             *stack(pairs, CAPACITY), np.array(len(pairs)), method=method, shape=shape

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxclay.banded import Factor, Model
-from jaxclay.certificate import DECREMENT, SMALL, STEP, Certificate, Forces
+from jaxclay.certificate import STEP, Certificate, Forces, accepted_decrement
 from jaxclay.clay import Array
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Point
@@ -26,7 +26,7 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
     """Judge a point; ``forces`` are the method's own multipliers, zeros if it has none."""
     model, limit = problem.smooth_model(point), problem.friction_limit
     energy = model.value + jnp.sum(limit * jnp.abs(point.shift))
-    gate = DECREMENT * jnp.maximum(energy, SMALL)
+    gate = accepted_decrement(energy)
     own = jnp.clip(forces.friction, -limit, limit)
     factor = _factor(problem, point, model, own)
     floor = jnp.where(problem.loose, jnp.maximum(forces.floor, 0.0), 0.0)

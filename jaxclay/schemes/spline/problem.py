@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import banded, bernstein
+from jaxclay import _repr, banded, bernstein
 from jaxclay._host import pytree
 from jaxclay.band import Band, Tool
 from jaxclay.banded import Factor, Model
@@ -69,6 +69,11 @@ class SplineProblem:
     slopes: Array
     band_terms: Terms
     rough: RoughShape
+
+    def __repr__(self) -> str:
+        free = _repr.free(self.fixed)
+        head = f'Problem on scheme "spline": {free} coefficients free'
+        return _repr.lines(head, *_repr.asked(self.tool, self.material))
 
     @property
     def free(self) -> Array:
