@@ -2,6 +2,7 @@
 
 import builtins
 
+from jaxclay.batch import deform_batch as deform_batch, minimize_batch as minimize_batch
 from jaxclay.certificate import Certificate as Certificate
 from jaxclay.clay import Clay as Clay, Material as Material
 from jaxclay.compilations import keep_compilations as keep_compilations

@@ -85,7 +85,12 @@ def solve_on_host(
     system: System, start: Start, settings: NewtonSettings, feasible: Array
 ) -> tuple[Outcome, Certificate]:
     """The compiled program, called in float64; NumPy in and out."""
-    answer = in_float64("minimize", program, packed(system, start, settings, feasible))
+    values = packed(system, start, settings, feasible)
+    return unpacked(system, in_float64("minimize", program, values))
+
+
+def unpacked(system: System, answer: Answer) -> tuple[Outcome, Certificate]:
+    """What the program has found."""
     shift, friction = answer.nodes
     thickness, floor = answer.slices
     iterations, finished, finite, positive, *found = answer.scalars

@@ -31,7 +31,7 @@ from jaxclay.problem import Problem
 from jaxclay.resolution import hidden_by_rounding
 from jaxclay.schemes.slices.nodes import least_slices
 from jaxclay.schemes.slices.posing import counted, located, pose_on_host
-from jaxclay.schemes.slices.refining import on_slices, to_tolerance
+from jaxclay.schemes.slices.refining import Wanted, followed, on_slices, to_tolerance
 from jaxclay.schemes.spline.host import deform_to_tolerance, minimize_on_mesh
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.sums import Point
@@ -101,13 +101,13 @@ def deform(
         found = located(clay, squash, material)
         if tolerance is not None:
             check_tolerance(tolerance)
-            return _by(method, settings, to_tolerance(found, float(tolerance), _newton))
+            return _by(method, settings, followed(to_tolerance(found, float(tolerance)), _newton))
         wanted = clay.slices if slices is None else slices
         total, counts = counted(wanted)
         if spacing == "equal" or counts is not None or total < least_slices(found.band):
             posed = pose_on_host(found, wanted, spacing or "placed")
             return minimize(posed, method, **settings)
-        return _by(method, settings, on_slices(found, total, _newton))
+        return _by(method, settings, followed(on_slices(found, total), _newton))
     if tolerance is not None:
         if scheme == "paper":
             from jaxclay.auto_slices import deform_on_slices
@@ -119,14 +119,14 @@ def deform(
     return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
 
 
-def _newton(problem: Problem, start: Point | None) -> Solution:
-    """Newton's answer; where a start is given, to a squash that is known to be feasible."""
+def _newton(wanted: Wanted) -> Solution:
+    problem, start = wanted
     with as_compiled():
         rough = None if start is not None else rough_shape(problem)
         begin = cold(problem, start if rough is None else rough.point)
         feasible = np.asarray(True) if rough is None else rough.feasible
         found = solve_on_host(problem.system, begin, NewtonSettings(), feasible)
-        return _solution(problem, feasible, *found, "newton")
+        return solution_of(problem, feasible, *found, "newton")
 
 
 def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
@@ -224,7 +224,7 @@ def _on_host(problem: Problem, start, window, chosen, method: str) -> Solution:
         if outcome is not None:
             return conclude(problem, rough, outcome, method)
     found = _solve_on_host(problem, begin, chosen, rough.feasible, method)
-    return _solution(problem, rough.feasible, *found, method)
+    return solution_of(problem, rough.feasible, *found, method)
 
 
 def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
@@ -232,7 +232,7 @@ def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str)
     problem, outcome = as_float64((problem, outcome))
     with as_compiled():
         certificate = in_float64("minimize", _judged, problem.system, outcome, rough.feasible)
-        return _solution(problem, rough.feasible, outcome, certificate, method)
+        return solution_of(problem, rough.feasible, outcome, certificate, method)
 
 
 def _solve_on_host(problem, start, settings, feasible, method) -> tuple[Outcome, Certificate]:
@@ -266,11 +266,11 @@ def _traced(problem, start, window, settings, method) -> Solution:
     outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)
     still, last = jax.lax.stop_gradient((problem, outcome))
     certificate = _judged.traced(still.system, last, rough.feasible)
-    solution = _solution(problem, rough.feasible, outcome, certificate, method)
+    solution = solution_of(problem, rough.feasible, outcome, certificate, method)
     return dataclasses.replace(solution, derived=Derived(solution.clay, solution.terms, rough))
 
 
-def _solution(problem, feasible, outcome: Outcome, certificate: Certificate, method) -> Solution:
+def solution_of(problem, feasible, outcome: Outcome, certificate: Certificate, method) -> Solution:
     """The answer as users see it."""
     xp = namespace(problem.shift, outcome.point, feasible)
     finite = outcome.finite & xp.isfinite(certificate.energy_free + problem.band_terms.total)

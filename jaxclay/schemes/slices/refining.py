@@ -1,9 +1,14 @@
-"""From few slices to as many as an answer needs, each time placed where the last answer bends."""
+"""From few slices to as many as an answer needs, each time placed where the last answer bends.
+
+Each plan is a generator: it asks for the answers to problems, one after the other, and returns
+the last.  So whoever has many squashes can have what they all ask for solved at once.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Generator, Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,46 +23,49 @@ SIZES = tuple(32 << i for i in range(7))  # slices that an answer to a tolerance
 _DIRECT = 256  # slices up to which the rough shape is near enough to start from
 _SHARE = 3  # at second order the error is a third of the distance to half as many slices
 
-Solve = Callable[[Problem, Point | None], Solution]
+
+class Wanted(NamedTuple):
+    """A problem to be solved from a start, or if that is None from its rough shape.
+
+    Where there is a start the squash is known to be feasible.
+    """
+
+    problem: Problem
+    start: Point | None
 
 
-def refined(found: Located, sizes: Iterable[int], solve: Solve) -> Iterable[Solution]:
-    """Answers on these numbers of slices, one after the other, each starting from the last."""
-    answer = None
-    for slices in sizes:
-        problem = pose_on_host(found, slices, "placed", answer)
-        start = None if answer is None else carried(problem, answer)
-        new = solve(problem, start)
-        if start is not None and new.status is not Status.CONVERGED:
-            new = solve(problem, None)
-        # What is no answer places no nodes.
-        answer = new if new.status is Status.CONVERGED else None
-        yield new
-        if new.status is Status.INFEASIBLE:
-            break
+Plan = Generator[Wanted, Solution, Solution]
 
 
-def on_slices(found: Located, slices: int, solve: Solve) -> Solution:
+def on_slices(found: Located, slices: int) -> Plan:
     """The answer on n slices, placed three times, the first time on not too many."""
-    first = min(slices, _DIRECT)
-    return _with_levels(list(refined(found, [first, slices, slices], solve)))
+    answers: list[Solution] = []
+    for size in (min(slices, _DIRECT), slices, slices):
+        answers.append((yield from _next(found, size, answers)))
+        if answers[-1].status is Status.INFEASIBLE:
+            break
+    return _with_levels(answers)
 
 
-def to_tolerance(found: Located, tolerance: float, solve: Solve) -> Solution:
+def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:
     """The answer on as few slices as put its contour within the tolerance, over the unit l.
 
-    Twice as many slices each time, until the last two answers lie within the tolerance of each
-    other; ``error_estimate`` is a third of their distance.  Where that does not happen the answer
-    is UNRESOLVED.
+    Twice as many slices each time, the first number placed twice, until the last two answers lie
+    within the tolerance of each other; ``error_estimate`` is a third of their distance.  Where
+    that does not happen the answer is UNRESOLVED.
     """
-    answers: list[Solution] = []
+    first, *more = sizes
+    answers = [(yield from _next(found, first, []))]
     distance = np.inf
-    for new in refined(found, [SIZES[0], *SIZES], solve):
-        answers.append(new)
-        if len(answers) <= 2:
+    for size in (first, *more):
+        if answers[-1].status is Status.INFEASIBLE:
+            break
+        answers.append((yield from _next(found, size, answers)))
+        if size == first:
             continue
-        both = [answer.status is Status.CONVERGED for answer in answers[-2:]]
-        distance = contour_error(new.clay, answers[-2].clay) if all(both) else np.inf
+        last, before = answers[-1], answers[-2]
+        both = last.status is Status.CONVERGED and before.status is Status.CONVERGED
+        distance = contour_error(last.clay, before.clay) if both else np.inf
         if distance <= tolerance:
             break
     last = _with_levels(answers)
@@ -67,6 +75,28 @@ def to_tolerance(found: Located, tolerance: float, solve: Solve) -> Solution:
     return dataclasses.replace(last, error_estimate=distance / _SHARE, status_code=code)
 
 
+def _next(found: Located, slices: int, answers: list[Solution]) -> Plan:
+    """The answer on so many slices, placed by the last one and starting from it."""
+    # What is no answer places no nodes.
+    good = bool(answers) and answers[-1].status is Status.CONVERGED
+    answer = answers[-1] if good else None
+    problem = pose_on_host(found, slices, "placed", answer)
+    if answer is None:
+        return (yield Wanted(problem, None))
+    new = yield Wanted(problem, carried(problem, answer))
+    return new if new.status is Status.CONVERGED else (yield Wanted(problem, None))
+
+
 def _with_levels(answers: list[Solution]) -> Solution:
     levels = np.array([int(answer.iterations) for answer in answers[:-1]], int)
     return dataclasses.replace(answers[-1], levels=levels)
+
+
+def followed(plan: Plan, solve: Any) -> Solution:
+    """What a plan returns if ``solve(wanted)`` answers what it asks for."""
+    try:
+        wanted = next(plan)
+        while True:
+            wanted = plan.send(solve(wanted))
+    except StopIteration as end:
+        return end.value

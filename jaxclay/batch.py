@@ -1,0 +1,159 @@
+"""Many squashes in few compiled calls: posed problems, and whole scenes to a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxclay._host import as_compiled, compiled, in_float64
+from jaxclay.certified_newton import Answer, Packed, packed, program, unpacked
+from jaxclay.checks import check_tolerance, check_whole
+from jaxclay.clay import Array, Clay, Material
+from jaxclay.loop import cold
+from jaxclay.methods.newton import NewtonSettings
+from jaxclay.minimize import solution_of
+from jaxclay.problem import Problem
+from jaxclay.schemes.slices.posing import located
+from jaxclay.schemes.slices.refining import Plan, Wanted, on_slices, to_tolerance
+from jaxclay.scm import rough_shape
+from jaxclay.solution import Solution
+from jaxclay.squash import Squash, check_fits
+
+_CAPACITY = 256  # problems of one call
+
+
+def minimize_batch(problems: Sequence[Problem]) -> list[Solution]:
+    """Newton's answers to posed problems, those on as many slices in one compiled call.
+
+    The call solves one problem after the other, each to its own end, so that nobody waits for a
+    straggler.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        From :func:`jaxclay.pose`, on slices of either scheme.
+
+    Returns
+    -------
+    list of Solution
+        In the order of the problems, each with its own status.
+    """
+    return _solved([Wanted(problem, None) for problem in problems])
+
+
+def deform_batch(
+    scenes: Iterable[tuple[Clay, Squash, Material]],
+    *,
+    tolerance: float | None = None,
+    slices: int | None = None,
+) -> list[Solution]:
+    """Squash many pieces of clay: :func:`jaxclay.deform` by newton, what is as fine at once.
+
+    Parameters
+    ----------
+    scenes : iterable of (Clay, Squash, Material)
+        What to squash.
+    tolerance : float, optional
+        Largest error of each contour, over the unit l.
+    slices : int, optional
+        How many slices each answer has instead; one of the two must be given.
+
+    Returns
+    -------
+    list of Solution
+        In the order of the scenes; to the certificate those of single calls.
+
+    Raises
+    ------
+    ValueError
+        What :func:`jaxclay.deform` raises, of the first scene that is wrong; both arguments or
+        none.
+    """
+    if (tolerance is None) == (slices is None):
+        raise ValueError(f"give a tolerance or slices: got {tolerance!r} and {slices!r}")
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    else:
+        check_whole("slices", slices, 3)
+    plans: list[Plan] = []
+    for clay, squash, material in scenes:
+        check_fits(squash, clay)
+        found = located(clay, squash, material)
+        if tolerance is not None:
+            plans.append(to_tolerance(found, float(tolerance)))
+        else:
+            plans.append(on_slices(found, int(slices)))  # type: ignore[arg-type]
+    return _followed(plans)
+
+
+def _followed(plans: list[Plan]) -> list[Solution]:
+    """What the plans return; what they ask for in each turn is solved at once."""
+    ends: dict[int, Solution] = {}
+    wanted = {i: next(plan) for i, plan in enumerate(plans)}
+    while wanted:
+        answers = dict(zip(wanted, _solved(list(wanted.values())), strict=True))
+        wanted = {}
+        for i, answer in answers.items():
+            try:
+                wanted[i] = plans[i].send(answer)
+            except StopIteration as end:
+                ends[i] = end.value
+    return [ends[i] for i in range(len(plans))]
+
+
+def _solved(wanted: list[Wanted]) -> list[Solution]:
+    answers: dict[int, Solution] = {}
+    sizes = [each.problem.slices for each in wanted]
+    for size in dict.fromkeys(sizes):
+        same = [i for i, other in enumerate(sizes) if other == size]
+        for begin in range(0, len(same), _CAPACITY):
+            part = same[begin : begin + _CAPACITY]
+            found = _together([wanted[i] for i in part])
+            answers.update(zip(part, found, strict=True))
+    return [answers[i] for i in range(len(wanted))]
+
+
+def _together(wanted: list[Wanted]) -> list[Solution]:
+    with as_compiled():
+        rows, feasible = [], []
+        for problem, start in wanted:
+            rough = rough_shape(problem) if start is None else None
+            feasible.append(np.asarray(True) if rough is None else rough.feasible)
+            begin = cold(problem, start if rough is None else rough.point)
+            rows.append(packed(problem.system, begin, NewtonSettings(), feasible[-1]))
+        if len(rows) == 1:
+            found = [in_float64("minimize", program, rows[0])]
+        else:
+            many = Packed(*(_stacked(leaves) for leaves in zip(*rows, strict=True)))
+            answer = in_float64("minimize", programs, many, np.array(len(rows)))
+            found = [Answer(*(leaf[i] for leaf in answer)) for i in range(len(rows))]
+        return [
+            solution_of(problem, possible, *unpacked(problem.system, one), "newton")
+            for (problem, _), possible, one in zip(wanted, feasible, found, strict=True)
+        ]
+
+
+def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
+    """The arrays of all problems, with room for as many as one call takes."""
+    whole = np.zeros((_CAPACITY, *leaves[0].shape))
+    whole[: len(leaves)] = leaves
+    return whole
+
+
+@compiled()
+def programs(values: Packed, count: Array) -> Answer:
+    """The first ``count`` of many calls of the program."""
+
+    def one(i: Any) -> Answer:
+        return program.traced(jax.tree.map(lambda leaf: leaf[i], values))
+
+    def put(i, found):
+        return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))
+
+    shapes = jax.eval_shape(one, 0)
+    empty = jax.tree.map(lambda leaf: jnp.zeros((_CAPACITY, *leaf.shape), leaf.dtype), shapes)
+    return jax.lax.fori_loop(0, count.astype(int), put, empty)
