@@ -23,11 +23,10 @@ from jaxclay.schemes.slices.edges import with_edges
 from jaxclay.schemes.slices.ladder import carried
 from jaxclay.schemes.slices.nodes import least_slices
 from jaxclay.schemes.slices.posing import counted, located, pose_on_host
-from jaxclay.schemes.spline.host import deform_to_tolerance, minimize_on_mesh
 from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.schemes.spline.solve import minimize_on_spans
 from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape, rough_shape
-from jaxclay.smooth_clay import SmoothClay
 from jaxclay.solution import Solution, Status, Verdict, status_code
 from jaxclay.squash import Squash, check_fits
 from jaxclay.start import Begin, begin_from, first_start, within
@@ -35,14 +34,14 @@ from jaxclay.window import Piece, minimize_in_window
 
 
 def deform(
-    clay: Clay | SmoothClay,
+    clay: Clay,
     squash: Squash,
     material: Material,
     method: str = "newton",
     *,
-    scheme: str | None = None,
+    scheme: str = "slices",
     tolerance: float | None = None,
-    slices: int | tuple[int, int, int] | str | None = None,
+    slices: int | tuple[int, int, int] | None = None,
     spacing: str | None = None,
     degree: int | None = None,
     elements: int | None = None,
@@ -59,15 +58,13 @@ def deform(
         As :func:`pose` takes them.
     method : str
         A key of :data:`jaxclay.METHODS`.
-    scheme : str, optional
-        "slices", "paper" or "spline", as :func:`pose` takes it; if not given "slices", or
-        "spline" where there is a tolerance.
+    scheme : str
+        "slices", "paper" or "spline", as :func:`pose` takes it.
     tolerance : float, optional
-        Largest error of the contour, over the unit l, that the answer may have: as few
-        unknowns as that needs are used, and ``error_estimate`` says what was met.
-        With scheme "paper" that takes ``slices="auto"``.
+        Largest error of the contour, over the unit l, that the answer may have, on the scheme
+        "slices": as few slices as that needs are used, and ``error_estimate`` says what was met.
     slices, spacing, degree, elements : optional
-        As :func:`pose` takes them; a tolerance chooses slices and elements by itself.
+        As :func:`pose` takes them; a tolerance chooses the slices by itself.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
 
@@ -82,43 +79,31 @@ def deform(
         What :func:`pose` and :func:`minimize` raise; a tolerance below what float64 can
         give or out of range; arguments that do not go together.
     """
-    scheme = _scheme(scheme, tolerance, slices, elements)
     given = {"slices": slices, "spacing": spacing, "degree": degree, "elements": elements}
     check_scheme(scheme, **given)
     if tolerance is not None:
-        check_tolerance(tolerance)
-        if scheme == "paper":
-            from jaxclay.auto_slices import deform_on_slices
+        _check_tolerance(tolerance, scheme, slices, spacing)
+        from jaxclay.schemes.slices.tolerance import deform_to_tolerance
 
-            return deform_on_slices(clay, squash, material, method, tolerance, settings)
-        chosen = spline_settings(method, settings)
-        degree = 5 if degree is None else degree
-        return deform_to_tolerance(clay, squash, material, tolerance, degree, chosen, method)
-    if scheme == "slices" and isinstance(clay, Clay) and is_concrete(clay, squash, material):
+        return deform_to_tolerance(clay, squash, material, tolerance, method, settings)
+    if scheme == "slices" and is_concrete(clay, squash, material):
         return _placed_twice(clay, squash, material, method, slices, spacing, settings)
     return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
 
 
-def _scheme(scheme, tolerance, slices, elements) -> str:
-    """The scheme meant; raises where a tolerance does not go with the rest."""
-    if scheme is None:
-        default = "slices" if tolerance is None else "spline"
-        scheme = "paper" if isinstance(slices, str) else default
-    if scheme == "slices" and tolerance is not None:
+def _check_tolerance(tolerance, scheme, slices, spacing) -> None:
+    """Raise where a tolerance is out of range or does not go with the rest."""
+    if scheme != "slices":
         raise ValueError(
-            f'tolerance={tolerance!r} goes with scheme "spline", or with "paper" and '
-            'slices="auto": give slices instead'
+            f'tolerance={tolerance!r} belongs to scheme "slices", not to "{scheme}": give '
+            + ("elements" if scheme == "spline" else "slices")
         )
-    if scheme == "spline" and tolerance is not None and elements is not None:
-        raise ValueError("give elements or a tolerance, which chooses them, not both")
-    if isinstance(slices, str) and slices != "auto":
-        raise ValueError(f'slices must be a whole number or "auto", got {slices!r}')
-    if scheme == "paper" and (slices == "auto") != (tolerance is not None):
-        raise ValueError(
-            'on the paper\'s scheme a tolerance takes slices="auto" and slices="auto" a '
-            f"tolerance: got slices={slices!r} and tolerance={tolerance!r}"
-        )
-    return scheme
+    for name, value in (("slices", slices), ("spacing", spacing)):
+        if value is not None:
+            raise ValueError(
+                f"give {name}={value!r} or a tolerance, which chooses the slices, not both"
+            )
+    check_tolerance(tolerance)
 
 
 def _placed_twice(clay, squash, material, method, slices, spacing, settings) -> Solution:
@@ -196,7 +181,7 @@ def minimize(
     if isinstance(problem, SplineProblem):
         if window is not None:
             raise ValueError(f'window={window!r} belongs to slices, not to scheme "spline"')
-        return minimize_on_mesh(problem, start, spline_settings(method, settings), method)
+        return minimize_on_spans(problem, start, spline_settings(method, settings), method)
     chosen = method_settings(method, settings)
     whole = begin_from(problem, start)
     if window is not None:

@@ -88,8 +88,8 @@ class Solution:
 
     Attributes
     ----------
-    clay : Clay or SmoothClay
-        The shape, ready for the next squash; a function if the scheme is "spline".
+    clay : Clay
+        The shape, ready for the next squash.
     point : Point
         The same over l, as solvers hold it.
     energy, terms : float, Terms
@@ -97,8 +97,7 @@ class Solution:
     iterations : int
         Newton or L-BFGS iterations, greedy's sweeps; on the last grid.
     levels : (g,) int array
-        Iterations on the coarser grids or meshes that were solved first, coarse to fine;
-        where splines adapt to a tolerance, on all meshes.
+        Iterations on the coarser grids that were solved first, coarse to fine.
     certificate : Certificate
         The judge's findings; ``certificate.energy_free`` is E_free.
     forces : Forces
@@ -110,7 +109,7 @@ class Solution:
     status_code : int
         See :attr:`status`.
     error_estimate : float or None
-        Estimate of the contour's error over l where a tolerance was asked for, on either scheme.
+        Estimate of the contour's error over l where a tolerance was asked for.
     """
 
     clay: Any
@@ -135,7 +134,7 @@ class Solution:
 
     @property
     def heights(self) -> Array:
-        """(n+1,) Y_i, in the clay's length unit; where pieces meet if the clay is a function."""
+        """(n+1,) Y_i, in the clay's length unit."""
         return self.clay.heights
 
     @property
@@ -157,7 +156,6 @@ class Solution:
             return (
                 f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
                 f"contour's error is {float(self.error_estimate):.2g}. Ask for a larger tolerance"
-                + (', or use scheme="spline"' if on_slices else "")
             )
         if self.status is Status.UNRESOLVED and not on_slices:
             return (

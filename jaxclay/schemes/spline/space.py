@@ -23,6 +23,7 @@ from jaxclay.schemes.spline import bspline
 
 GAUSS = 4  # points a span
 _FRICTION = 3  # points in each of a span's two cells
+_CUTS = 40  # of a span, for the place where w changes its sign
 
 
 class Point(NamedTuple):
@@ -95,6 +96,33 @@ class Space(NamedTuple):
         """(S * 6,) w at the points of friction."""
         local = bspline.local(coefficients, self.degree)
         return jnp.einsum("sga,sa->sg", self.values, local).reshape(-1)
+
+    def at(self, coefficients: Array, v: Array) -> Array:
+        """(m,) w at places (m,) in v, at a break between the sides that of the upper one."""
+        left, length = bspline.spans(self.knots, self.degree)
+        span = jnp.searchsorted(left, v, side="right") - 1
+        local = bspline.local(coefficients, self.degree)
+        control = jnp.einsum("sja,sa->sj", self.extraction, local)[span]
+        s = (v - left[span]) / jnp.where(length > 0, length, 1.0)[span]
+        return jnp.sum(bspline.bernstein(self.degree, s, 0) * control, axis=-1)
+
+    def crossings(self, coefficients: Array) -> Array:
+        """(S,) where in each span, from 0 to 1, w changes its sign; one half where it does not."""
+        local = bspline.local(coefficients, self.degree)
+        control = jnp.einsum("sja,sa->sj", self.extraction, local)
+        _, length = bspline.spans(self.knots, self.degree)
+        turns = (control[:, 0] * control[:, -1] < 0) & (length > 0)
+
+        def cut(_, bounds):
+            low, high = bounds
+            s = (low + high) / 2
+            there = jnp.sum(bspline.bernstein(self.degree, s, 0) * control, axis=1)
+            same = there * control[:, 0] > 0
+            return jnp.where(same, s, low), jnp.where(same, high, s)
+
+        none = jnp.zeros_like(control[:, 0])
+        low, high = jax.lax.fori_loop(0, _CUTS, cut, (none, none + 1))
+        return jnp.where(turns, jnp.clip((low + high) / 2, 0.02, 0.98), 0.5)
 
     def from_slopes(self, forces: Array) -> Array:
         """(N,) what forces (S * 4, 3) on the slopes do to the coefficients."""
