@@ -15,7 +15,6 @@ import numpy as np
 
 from jaxclay.checks import check_positive
 from jaxclay.clay import Clay
-from jaxclay.contour import polyline
 from jaxclay.profiles import replacing
 
 _FILL = "#E8D5C0"
@@ -71,7 +70,9 @@ def save_svg(
         for curve, off in _fitted(clay, low, high, millimetres, tolerance, decimals):
             curves.append(curve)
             error = max(error, off)
-    half_width = polyline(clay)[:, 0].max() * millimetres
+    nodes, places = clay.material, np.arange(_SAMPLES) / (_SAMPLES - 1)
+    u = nodes[:-1, None] + np.diff(nodes)[:, None] * places
+    half_width = _contour(clay, u)[0][0].max() * millimetres
     text = _document(np.array(curves), half_width, height, error, tolerance, decimals)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
