@@ -49,7 +49,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "contour_error": (_REAL, "distance to the reference's contour, over l"),
     "contour_error_continuum": (
         _REAL,
-        "distance to the continuum's minimum, by 2048 placed slices of second order, over l",
+        "distance to the continuum's minimum, by 1024 placed slices of second order, over l",
     ),
     "reference": (_TEXT, 'whose certified minimum the gap is from, or "none certified"'),
     "iterations": (_WHOLE, "of the method"),

@@ -17,7 +17,7 @@ from jaxclay.sweep.recipe import Recipe, recipes
 from jaxclay.sweep.tables import Experiment, MethodTable
 
 DTYPE = "float64"
-_REFERENCE = 2048  # placed slices of the answers that stand for the continuum
+_REFERENCE = 1024  # placed slices of the answers that stand for the continuum
 
 
 @dataclasses.dataclass(frozen=True)
