@@ -1,8 +1,6 @@
-"""Meshes: knots on the free clay, and conditions at its ends.
+"""Meshes: equal spans on each side of the band, and conditions at its edges and the clay's ends.
 
-The free clay is measured by v: [0, c] is the clay below the band, c the band's
-lower edge, and [c, L] the clay above, L what the band leaves.  A side that the
-band leaves no clay has spans without length and coefficients without support.
+A side that the band leaves no clay has spans without length.
 """
 
 from __future__ import annotations
@@ -11,46 +9,35 @@ import jax.numpy as jnp
 
 from jaxclay.band import Band
 from jaxclay.clay import Array
-from jaxclay.schemes.spline import bspline
 
 
-def free_length(band: Band) -> Array:
-    """L."""
-    return jnp.where(band.upper >= 1, band.lower, 1 - (band.upper - band.lower))
-
-
-def knots(band: Band, degree: int, elements: int) -> Array:
-    """Knots of as many equal spans on each side, those at c and at the ends repeated."""
-    cut, length = band.lower, free_length(band)
-    share = jnp.arange(1, elements) / elements
-    below, above = cut * share, cut + (length - cut) * share
-    ends = [jnp.full(degree + 1, end) for end in (0.0, cut, length)]
-    return jnp.concatenate([ends[0], below, ends[1], above, ends[2]])
+def spans(band: Band, elements: int) -> tuple[Array, Array]:
+    """(S,) lower ends in u and lengths of as many spans below the band as above it."""
+    start = jnp.stack([jnp.zeros(()), band.upper])
+    length = jnp.stack([band.lower, 1 - band.upper]) / elements
+    left = start[:, None] + length[:, None] * jnp.arange(elements)
+    return left.reshape(-1), jnp.repeat(length, elements)
 
 
 def conditions(
-    knots: Array, degree: int, band: Band, count, below, above, held
+    length: Array, degree: int, count: Array, below: tuple, above: tuple, held: Array
 ) -> tuple[Array, Array]:
     """Which coefficients are prescribed, (N,) bool, and the values of those.
 
     ``below`` and ``above`` are (w, w_u, w_uu) at the band's edges, of which the first
     ``count`` are prescribed; Y_0 = 0, and where ``held`` the upper end stays.
     """
-    cut, total = band.lower, knots.shape[0] - degree - 1
-    start, stop = knots[:total], knots[degree + 1 :]
-    inner = bspline.inner_knots(knots, degree)
-    is_below = stop <= cut
-    edge = [jnp.where(is_below, low, high) for low, high in zip(below, above, strict=True)]
-    order = jnp.sum(inner != cut, axis=0)  # of the derivative that a coefficient at the edge adds
-    at_edge = ((start == cut) | is_below & (stop == cut)) & (order < count)
-    first = jnp.all(inner == 0, axis=0) & is_below
-    last = jnp.all(inner == knots[-1], axis=0) & held
-    empty = start == stop
-    value = bspline.fitted(knots, degree, jnp.full(total, cut), jnp.stack(edge))
-    return at_edge | first | last | empty, jnp.where(at_edge & ~empty, value, 0.0)
-
-
-def material(knots: Array, degree: int, places: Array, band: Band) -> Array:
-    """u of the places (S, g) in v of each span."""
-    left, _ = bspline.spans(knots, degree)
-    return places + jnp.where(left >= band.lower, band.upper - band.lower, 0.0)[:, None]
+    p, elements = degree, length.shape[0] // 2
+    w, w_u, w_uu = (jnp.stack(pair) for pair in zip(below, above, strict=True))
+    step = jnp.stack([-length[0], length[-1]])  # away from the band
+    # Of a clamped spline: p (c_1 - c_0) / h = w_u, and the same once more of its derivative.
+    first = w + step / p * w_u
+    second = first + min(2, elements) * step / p * (w_u + step / (p - 1) * w_uu)
+    value = jnp.stack([w, first, second], axis=1)
+    away = jnp.arange(elements + p)
+    order = jnp.stack([away[::-1], away])
+    at_edge, empty = order < count, (step == 0)[:, None]
+    at_end = (order == elements + p - 1) & jnp.stack([jnp.asarray(True), held])[:, None]
+    value = jnp.take_along_axis(value, jnp.minimum(order, 2), axis=1)
+    fixed = at_edge | at_end | empty
+    return fixed.reshape(-1), jnp.where(at_edge & ~empty, value, 0.0).reshape(-1)

@@ -16,8 +16,9 @@ from jaxclay.problem import Problem
 from jaxclay.schemes.slices.posing import located, pose_on_host, pose_traced
 from jaxclay.schemes.slices.weights import band_terms
 from jaxclay.schemes.spline import mesh
+from jaxclay.schemes.spline.bspline import gauss_points
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.spline.space import Space, space
+from jaxclay.schemes.spline.space import GAUSS, Space, space
 from jaxclay.scm import rough_shape
 from jaxclay.squash import Squash
 
@@ -58,15 +59,15 @@ def posed(
 @compiled("degree", "elements")
 def _on_mesh(sliced: Problem, rest: Interpolant, *, degree: int, elements: int) -> _OnMesh:
     tool, material, band, r0 = sliced.tool, sliced.material, sliced.band, sliced.rest.r0
-    knots = mesh.knots(band, degree, elements)
+    left, length = mesh.spans(band, elements)
     count = jnp.where(material.beta > 0, 3, jnp.where(material.alpha > 0, 2, 1))
     density = (r0 / tool.radius) ** 2
     below = _edge(rest, band.lower, band.bottom, density, "below")
     above = _edge(rest, band.upper, band.top, density, "above")
-    fixed, shift = mesh.conditions(knots, degree, band, count, below, above, tool.top_fixed)
-    splines = space(knots, degree, jnp.full(knots.shape[0] - 2 * degree - 1, 0.5))
-    u = mesh.material(knots, degree, splines.places, band).reshape(-1)
-    slopes = jnp.stack(rest.derivatives(u), axis=1)
+    fixed, shift = mesh.conditions(length, degree, count, below, above, tool.top_fixed)
+    splines = space(left, length, degree, jnp.full(2 * elements, 0.5))
+    u = left[:, None] + length[:, None] * gauss_points(GAUSS)[0]
+    slopes = jnp.stack(rest.derivatives(u.reshape(-1)), axis=1)
     terms = band_terms(rest, r0, tool, material, band, np.zeros(2))
     return _OnMesh(splines, fixed, shift, slopes, terms)
 

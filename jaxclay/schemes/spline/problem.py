@@ -35,7 +35,7 @@ class SplineProblem:
     space : Space
         The splines for the displacement of the free clay.
     fixed : (N,) bool array
-        Coefficients that are prescribed, or belong to no span.
+        Coefficients that are prescribed, and all of a side without clay.
     shift : (N,) array
         Their values, 0 at the others.
     slopes : (S * 4, 3) array
@@ -223,20 +223,19 @@ class SplineProblem:
 
         Clay up to a free end is moved as one.
         """
-        band, rest = self.band, self.rest
-        knots, degree = self.space.knots, self.space.degree
-        start, stop = knots[: self.fixed.shape[0]], knots[degree + 1 :]
-        below, index = stop <= band.lower, jnp.arange(self.fixed.shape[0])
-        share = jnp.where(below, 0.0, band.upper - band.lower)
-        u = jnp.minimum(jnp.mean(bspline.inner_knots(knots, degree), axis=0) + share, 1.0)
-        height = rest.height(u)
-        lower, upper, top = rest.height(jnp.stack([band.lower, band.upper, jnp.ones(())]))
+        rest, degree, elements = self.rest, self.space.degree, self.space.spans // 2
+        start, end = self.space.left[::elements], self.space.length[::elements] * elements
+        u = start[:, None] + end[:, None] * bspline.greville(degree, elements)
+        height = rest.height(jnp.minimum(u, 1.0))
+        ends = jnp.stack([self.band.lower, self.band.upper, jnp.ones(())])
+        lower, upper, top = rest.height(ends)
         # What the band prescribes of each side's last coefficient is carried on.
-        after = jnp.argmax(jnp.where(below & self.free, index, -1)) + 1
-        before = jnp.argmin(jnp.where(~below & self.free, index, index.shape[0])) - 1
-        above = jnp.where(self.tool.top_fixed, (top - height) / (top - upper), 1.0)
-        squeezed = jnp.where(below, self.shift[after] * height / lower, self.shift[before] * above)
-        return jnp.where(self.fixed | (start == stop), self.shift, squeezed)
+        shift, free = self.shift.reshape(2, -1), self.free.reshape(2, -1)
+        below = shift[0, jnp.sum(jnp.cumsum(free[0][::-1]) > 0)] * height[0] / lower
+        share = jnp.where(self.tool.top_fixed, (top - height[1]) / (top - upper), 1.0)
+        above = shift[1, jnp.argmax(free[1]) - 1] * share
+        squeezed = jnp.concatenate([below, above])
+        return jnp.where(self.fixed, self.shift, squeezed)
 
     def sent_home(self, point: Point, rests: Array) -> Point:
         """The point without the coefficients in whose support all clay rests."""

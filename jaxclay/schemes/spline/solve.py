@@ -17,7 +17,7 @@ from jaxclay.implicit import solve_implicitly
 from jaxclay.loop import Outcome, Start, cold
 from jaxclay.schemes import sums
 from jaxclay.schemes.slices.edges import with_edges
-from jaxclay.schemes.spline import bspline, judge, mesh
+from jaxclay.schemes.spline import bspline, judge
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Space, space
 from jaxclay.solution import Solution, Verdict, status_code
@@ -130,7 +130,8 @@ def _crossing(problem: SplineProblem, outcome: Outcome) -> tuple[Array, Space, S
     coefficients = outcome.point.coefficients
     breaks = problem.space.crossings(jax.lax.stop_gradient(coefficients))
     crosses = jnp.any(breaks != 0.5) & problem.rough.feasible & outcome.finite
-    broken = space(problem.space.knots, problem.space.degree, breaks)
+    old = problem.space
+    broken = space(old.left, old.length, old.degree, breaks)
     problem = dataclasses.replace(problem, space=broken)
     point = problem.point(coefficients)
     friction = problem.friction_limit * point.shift / jnp.sqrt(point.shift**2 + _EPS**2)
@@ -160,10 +161,9 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
     Its heights are the spline's, its edges those of the band.  The clay before where no shape
     obeys the floor.
     """
-    on, band = problem.sliced, problem.band
-    u = on.rest.material
-    v = jnp.where(u < band.upper, jnp.minimum(u, band.lower), u - (band.upper - band.lower))
-    shift = jnp.where(on.rest.held(band), on.shift, problem.space.at(coefficients, v))
+    on = problem.sliced
+    free = problem.space.at(coefficients, on.rest.material)
+    shift = jnp.where(on.rest.held(problem.band), on.shift, free)
     shift = jnp.where(problem.rough.feasible, shift, 0.0)
     thickness = jnp.where(on.banded & problem.rough.feasible, on.band_thickness,
                           on.rest.thickness + jnp.diff(shift))  # fmt: skip
@@ -172,11 +172,9 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
 
 def rising(problem: SplineProblem, coefficients: Array) -> Array:
     """Whether Y_u is positive between the Gauss points too, which alone see the floor."""
-    splines, degree = problem.space, problem.space.degree
-    left, length = bspline.spans(splines.knots, degree)
-    s = jnp.arange(_PROBES) / (_PROBES - 1)
-    basis = bspline.basis(splines.extraction, length, degree, s, (1,))[:, :, 0]
-    slope = jnp.einsum("sga,sa->sg", basis, bspline.local(coefficients, degree))
-    u = mesh.material(splines.knots, degree, left[:, None] + length[:, None] * s, problem.band)
-    slope += problem.rest.slope(jnp.clip(u, 0.0, 1.0))
-    return jnp.all(jnp.where(length[:, None] > 0, slope > 0, True))
+    splines, s = problem.space, jnp.arange(_PROBES) / (_PROBES - 1)
+    length = splines.length[:, None]
+    basis = bspline.basis(splines.length, splines.degree, s, (1,))[:, :, 0]
+    slope = jnp.einsum("sga,sa->sg", basis, bspline.local(coefficients, splines.degree))
+    slope += problem.rest.slope(jnp.clip(splines.left[:, None] + length * s, 0.0, 1.0))
+    return jnp.all(jnp.where(length > 0, slope > 0, True))

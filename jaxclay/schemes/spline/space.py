@@ -54,10 +54,8 @@ class Space(NamedTuple):
 
     Attributes
     ----------
-    knots : (S + 2p + 1,) array
-        In v.
-    extraction : (S, p+1, p+1) array
-        From each span's coefficients to its Bernstein coefficients.
+    left, length : (S,) arrays
+        Lower ends of the spans, material coordinates, and lengths, those below the band first.
     slopes : (S, 4, 3, p+1) array
         Derivatives 1 to 3 of each span's basis at its Gauss points.
     values : (S, 6, p+1) array
@@ -65,17 +63,14 @@ class Space(NamedTuple):
     weight : (S * 4,) array
     friction_weight : (S * 6,) array
         Zero in spans without length.
-    places : (S, 4) array
-        Where the Gauss points are, in v.
     """
 
-    knots: Array
-    extraction: Array
+    left: Array
+    length: Array
     slopes: Array
     values: Array
     weight: Array
     friction_weight: Array
-    places: Array
 
     @property
     def degree(self) -> int:
@@ -97,21 +92,22 @@ class Space(NamedTuple):
         local = bspline.local(coefficients, self.degree)
         return jnp.einsum("sga,sa->sg", self.values, local).reshape(-1)
 
-    def at(self, coefficients: Array, v: Array) -> Array:
-        """(m,) w at places (m,) in v, at a break between the sides that of the upper one."""
-        left, length = bspline.spans(self.knots, self.degree)
-        span = jnp.searchsorted(left, v, side="right") - 1
-        local = bspline.local(coefficients, self.degree)
-        control = jnp.einsum("sja,sa->sj", self.extraction, local)[span]
-        s = (v - left[span]) / jnp.where(length > 0, length, 1.0)[span]
-        return jnp.sum(bspline.bernstein(self.degree, s, 0) * control, axis=-1)
+    def at(self, coefficients: Array, u: Array) -> Array:
+        """(m,) w at material coordinates (m,) outside the band."""
+        span = jnp.searchsorted(self.left, u, side="right") - 1
+        s = (u - self.left[span]) / jnp.where(self.length > 0, self.length, 1.0)[span]
+        control = self._control(coefficients)[span]
+        return jnp.sum(bspline.bernstein(self.degree, jnp.clip(s, 0.0, 1.0), 0) * control, axis=-1)
+
+    def _control(self, coefficients: Array) -> Array:
+        """(S, p+1) Bernstein coefficients of w on each span."""
+        extraction = bspline.extraction(self.degree, self.spans // 2)
+        return jnp.einsum("sja,sa->sj", extraction, bspline.local(coefficients, self.degree))
 
     def crossings(self, coefficients: Array) -> Array:
         """(S,) where in each span, from 0 to 1, w changes its sign; one half where it does not."""
-        local = bspline.local(coefficients, self.degree)
-        control = jnp.einsum("sja,sa->sj", self.extraction, local)
-        _, length = bspline.spans(self.knots, self.degree)
-        turns = (control[:, 0] * control[:, -1] < 0) & (length > 0)
+        control = self._control(coefficients)
+        turns = (control[:, 0] * control[:, -1] < 0) & (self.length > 0)
 
         def cut(_, bounds):
             low, high = bounds
@@ -144,26 +140,20 @@ class Space(NamedTuple):
         return bspline.gathered_bands(matrices, self.degree)
 
 
-def space(knots: Array, degree: int, breaks: Array) -> Space:
-    """The splines on these knots; friction's cells meet at ``breaks`` (S,), 0 to 1 in each span."""
-    extracted = bspline.extraction(knots, degree)
-    left, length = bspline.spans(knots, degree)
+def space(left: Array, length: Array, degree: int, breaks: Array) -> Space:
+    """The splines on these spans; friction's cells meet at ``breaks`` (S,), 0 to 1 in each."""
     s, weight = bspline.gauss_points(GAUSS)
-    slopes = bspline.basis(extracted, length, degree, jnp.asarray(s), (1, 2, 3))
     f, friction_weight = bspline.gauss_points(_FRICTION)
     cut = breaks[:, None]
     s_friction = jnp.concatenate([cut * f, cut + (1 - cut) * f], axis=1)
-    values = bspline.basis(extracted, length, degree, s_friction, (0,))[:, :, 0]
     cells = jnp.concatenate([cut * friction_weight, (1 - cut) * friction_weight], axis=1)
-    places = left[:, None] + length[:, None] * s
     return Space(
-        knots,
-        extracted,
-        slopes,
-        values,
+        left,
+        length,
+        bspline.basis(length, degree, jnp.asarray(s), (1, 2, 3)),
+        bspline.basis(length, degree, s_friction, (0,))[:, :, 0],
         (length[:, None] * weight).reshape(-1),
         (length[:, None] * cells).reshape(-1),
-        places,
     )
 
 
