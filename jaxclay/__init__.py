@@ -32,7 +32,6 @@ from jaxclay.profiles import (
 )
 from jaxclay.schemes.spline.problem import SplineProblem as SplineProblem
 from jaxclay.scm import RoughShape as RoughShape, rough_shape as rough_shape
-from jaxclay.smooth_clay import SmoothClay as SmoothClay
 from jaxclay.squash import Squash as Squash
 from jaxclay.svg import save_svg as save_svg
 

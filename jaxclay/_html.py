@@ -8,29 +8,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jaxclay.contour import polyline
-from jaxclay.smooth_clay import SmoothClay
 
 if TYPE_CHECKING:
     from jaxclay.clay import Clay
     from jaxclay.solution import Solution
 
 _SIZE = 180  # pixels of the longer side
-_CHORD = 2e-4  # of l, how near a function's contour is drawn
 
 
-def clay_html(clay: Clay | SmoothClay) -> str:
+def clay_html(clay: Clay) -> str:
     """A silhouette and the clay's dimensions."""
-    is_function = isinstance(clay, SmoothClay)
-    X = polyline(clay, _CHORD)[1:-1, 0]
+    X = polyline(clay)[1:-1, 0]
     rows = {
         "height": f"{float(clay.height):.6g}",
         "radius": f"{X.min():.4g} to {X.max():.4g}",
         "volume": f"{float(clay.volume):.6g}",
-        "pieces" if is_function else "slices": f"{clay.pieces if is_function else clay.slices}",
+        "slices": f"{clay.slices}",
         "unit l": f"{float(clay.unit):.6g}",
     }
-    title = "Clay as a function" if is_function else "Clay"
-    return _side_by_side(_svg((clay, "#E8D5C0", "#0072B2", "")), title, rows)
+    return _side_by_side(_svg((clay, "#E8D5C0", "#0072B2", "")), "Clay", rows)
 
 
 def solution_html(solution: Solution) -> str:
@@ -56,10 +52,10 @@ def solution_html(solution: Solution) -> str:
     return _side_by_side(svg, f"Solution ({solution.method})", rows)
 
 
-def _svg(*shapes: tuple[Clay | SmoothClay, str, str, str]) -> str:
+def _svg(*shapes: tuple[Clay, str, str, str]) -> str:
     outlines = []
     for clay, *style in shapes:
-        points = polyline(clay, _CHORD)
+        points = polyline(clay)
         outlines.append((np.concatenate([points, points[::-1] * [-1, 1]]), style))
     everything = np.concatenate([points for points, _ in outlines])
     (left, bottom), (right, top) = everything.min(axis=0), everything.max(axis=0)

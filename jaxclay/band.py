@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from jaxclay.arrays import namespace
 from jaxclay.clay import Array, Material
-from jaxclay.scalar_search import around_least, follow, narrowed, sign_change
+from jaxclay.scalar_search import around_least, follow, sign_change
 from jaxclay.side import Side, edge_tension, move_energy, solve_sides
 from jaxclay.squash import Squash
 
@@ -40,11 +40,6 @@ class Rest(NamedTuple):
     heights: Array
     r0: Array
     material: Array
-
-    @property
-    def smooth(self) -> bool:
-        """Whether E_move is smooth in the band's place."""
-        return False
 
     @property
     def slices(self) -> int:
@@ -144,10 +139,8 @@ def sides(rest, tool: Tool, band: Band) -> tuple[Side, Side]:
     return below, above
 
 
-def locate_band(rest, tool: Tool, material: Material, sides: int = 2) -> Band:
+def locate_band(rest, tool: Tool, material: Material) -> Band:
     """The band of least E_move; ties go to the lower one.
-
-    ``sides`` is 1 where the band is known to begin at the bottom.
 
     A free top that the band reaches is swallowed: the band takes all the clay
     above its lower edge and ends where that clay is used up.
@@ -158,15 +151,9 @@ def locate_band(rest, tool: Tool, material: Material, sides: int = 2) -> Band:
     at_bottom = tool.bottom <= rest.least() * height
     tool = tool._replace(bottom=jnp.where(at_bottom, 0.0, tool.bottom))
     share = density * (tool.top - tool.bottom)
-    start = jnp.zeros(())
-    if sides == 2:
-        start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
+    start = jnp.where(at_bottom, 0.0, rest.material_at(tool.bottom))
     swallows = (start + share >= 1) & ~tool.top_fixed
-    if sides == 1:
-        low = high = jnp.zeros(())
-        feasible = jnp.asarray(True)
-    else:
-        low, high, feasible = _search_range(rest, tool, material, share)
+    low, high, feasible = _search_range(rest, tool, material, share)
 
     def place(lower):
         return Band(lower, lower + share, tool.bottom, tool.top, feasible)
@@ -174,10 +161,8 @@ def locate_band(rest, tool: Tool, material: Material, sides: int = 2) -> Band:
     def search():
         return _cheapest(rest, tool, material, place, low, high)
 
-    lower = start
-    if sides == 2:
-        searches = ~at_bottom & ~swallows & feasible
-        lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
+    searches = ~at_bottom & ~swallows & feasible
+    lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
     upper = jnp.where(swallows, 1.0, jnp.minimum(lower + share, 1.0))
     top = jnp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
     room = material.floor * (height - rest.height_at(upper)) <= height - tool.top
@@ -218,13 +203,6 @@ def _cheapest(rest, tool, material, place, low, high):
     def slope(lower):
         return _slope(rest, material, place, lower, solved(lower))
 
-    def both(lower):
-        pair = solved(lower)
-        energy = sum(move_energy(side, material, push) for side, push in pair)
-        return energy, _slope(rest, material, place, lower, pair)
-
-    if rest.smooth:
-        return follow(slope, jax.lax.stop_gradient(narrowed(jax.vmap(both), low, high)))
     kinks = rest.kinks(place(low).upper - low, low, high)
     energies = jax.vmap(energy)
     around = jax.lax.stop_gradient(around_least(energies, kinks, low, high))

@@ -9,7 +9,7 @@ X_i = r0 sqrt(h_i / t_i) (eq. 22), with r0 = sqrt(volume / pi).
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -27,9 +27,6 @@ from jaxclay.checks import (
 )
 from jaxclay.interpolation import Interpolant, interpolant
 from jaxclay.slicing import clip_radii, equal_volume_heights
-
-if TYPE_CHECKING:
-    from jaxclay.conversion import Converted
 
 Array = Any  # NumPy on the host, JAX inside transformations
 
@@ -231,7 +228,6 @@ class Clay:
             Fewer than 3 slices, nodes that do not increase from 0 to 1.
         """
         from jaxclay.contour import contour_error
-        from jaxclay.conversion import Converted
 
         if np.ndim(nodes) == 0:
             check_slices(nodes)  # type: ignore[arg-type]
@@ -240,15 +236,6 @@ class Clay:
         check_nodes("nodes", nodes)
         clay = on_nodes(self, nodes)
         return Converted(clay, contour_error(clay, self))
-
-    def as_function(self, tolerance: float = 1e-6) -> Converted:
-        """A :class:`jaxclay.SmoothClay` through all heights, and how far its contour is off.
-
-        See :func:`jaxclay.conversion.as_function`.
-        """
-        from jaxclay.conversion import as_function
-
-        return as_function(self, tolerance)
 
     def __repr__(self) -> str:
         edges = sum(np.shape(self.edges)[-2:-1])
@@ -316,6 +303,20 @@ class Material:
         if is_concrete(alpha, beta):
             alpha, beta = as_number("alpha", alpha), as_number("beta", beta)
         return cls(k, mu, alpha / slices**2, beta / slices**4, floor)
+
+
+class Converted(NamedTuple):
+    """Clay on other nodes, or from a profile.
+
+    Attributes
+    ----------
+    clay : Clay
+    error : float
+        Largest distance between the two contours over l (:func:`jaxclay.contour_error`).
+    """
+
+    clay: Clay
+    error: float
 
 
 def equal_nodes(slices: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import jaxclay
-from jaxclay.contour import polyline
+from jaxclay.profiles import loaded
 
 _SLICES = 64
 _MOST_SLICES = 1024  # some methods are dense
@@ -34,7 +34,7 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
     deform.add_argument("--plot", type=Path, help="picture to write (PNG, SVG, PDF)")
     deform.add_argument(
         "--slices", type=int, metavar="N",
-        help="how many slices (default 64, or those of a file that jaxclay wrote)",
+        help="how many slices to solve on (default 64, or those of a file that jaxclay wrote)",
     )  # fmt: skip
     deform.add_argument(
         "--scheme", choices=("slices", "paper"),
@@ -43,8 +43,7 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
     deform.add_argument("--method", help=f"one of {', '.join(jaxclay.METHODS)} (default newton)")
     deform.add_argument(
         "--tolerance", type=float, metavar="T",
-        help="splines instead, as few as this error of the contour allows, over the height of the "
-        "first piece",
+        help="as many slices as bring the contour within this, over the height of the first piece",
     )  # fmt: skip
     deform.add_argument("--svg", type=Path, help="outline to write, in millimetres")
     deform.add_argument(
@@ -75,18 +74,19 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
     material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
     chosen = _chosen(options)
     _check_targets(options.out, options.plot, options.svg)
-    clay = jaxclay.load_profile(options.profile, options.slices, options.minimum_radius)
-    if options.tolerance is None and isinstance(clay, jaxclay.SmoothClay):
-        clay = clay.sliced(_SLICES).clay
-    if options.scheme == "paper" and isinstance(clay, jaxclay.Clay) and not clay.equal:
-        chosen["slices"] = clay.slices
+    clay, error = loaded(options.profile, minimum_radius=options.minimum_radius)
+    if options.tolerance is None:
+        kept = clay.slices if error == 0 else _SLICES  # a file that jaxclay wrote is exact
+        chosen["slices"] = options.slices or kept
     solution = None
     for text, squash in zip(options.squash, squashes, strict=True):
         interrupt()
         solution = jaxclay.deform(clay, squash, material, **chosen)
         if solution.status in (jaxclay.Status.INFEASIBLE, jaxclay.Status.NON_FINITE):
             raise ValueError(f"--squash {text}: {solution.message}")
-        print(describe(text, solution))
+        if solution.error_estimate is not None:
+            error += float(solution.error_estimate)
+        print(describe(text, solution, error))
         clay = solution.clay
     assert solution is not None  # --squash is required
     _write(solution, options)
@@ -166,35 +166,32 @@ def parse_squash(text: str, top_fixed: bool = False) -> jaxclay.Squash:
     return jaxclay.Squash(*numbers, top_fixed=top_fixed)
 
 
-def _size(solution: jaxclay.Solution) -> str:
-    clay = solution.clay
-    return "splines" if isinstance(clay, jaxclay.SmoothClay) else f"{clay.slices} slices"
+def describe(text: str, solution: jaxclay.Solution, error: float) -> str:
+    """What a squash did, in a few lines.
 
-
-def describe(text: str, solution: jaxclay.Solution) -> str:
-    """What a squash did, in a few lines."""
+    ``error`` is that of the contour over l, of the profile's slices and of all squashes together;
+    said where a tolerance was asked for.
+    """
     rough, certificate, terms = solution.rough, solution.certificate, solution.terms
     case = f"case {rough.case}" + (
         f", below {rough.case_below}" if rough.case_below != "none" else ""
     )
     clay = solution.clay
-    smooth = isinstance(clay, jaxclay.SmoothClay)
-    radii = polyline(clay)[1:-1, 0] if smooth else clay.radii
     accuracy = ""
     if solution.error_estimate is not None:
-        accuracy = f", {int(solution.unknowns)} unknowns, contour within "
-        accuracy += f"{float(solution.error_estimate):.1e} of the height"
+        accuracy = f", {int(solution.unknowns)} unknowns, contour within {error:.1e} of "
+        accuracy += "the height, the profile's slices included"
     floor = ", thickness floor active" if certificate.on_floor or rough.floored else ""
     return "\n".join(
         (
             f"squash {text}: {case}{floor}, {solution.status} after {int(solution.iterations)} "
-            f"iterations of {solution.method} on {_size(solution)}{accuracy}",
+            f"iterations of {solution.method} on {clay.slices} slices{accuracy}",
             f"  band {float(rough.bottom):.6g} to {float(rough.top):.6g}, "
             f"reach u1 = {float(rough.reach):.4g}",
             f"  E_total {float(solution.energy):.8g} = strain {float(terms.strain):.4g} + friction "
             f"{float(terms.friction):.4g} + tension {float(terms.tension):.4g} + bending "
             f"{float(terms.bending):.4g}; can still gain {float(certificate.decrement):.1e}",
-            f"  height {float(solution.clay.height):.6g}, radius {float(radii.min()):.6g} to "
-            f"{float(radii.max()):.6g}, volume {float(solution.clay.volume):.8g}",
+            f"  height {float(clay.height):.6g}, radius {float(clay.radii.min()):.6g} to "
+            f"{float(clay.radii.max()):.6g}, volume {float(clay.volume):.8g}",
         )
     )

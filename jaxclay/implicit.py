@@ -70,20 +70,6 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
     return Point(change.rest.thickness + jnp.diff(shift), shift)
 
 
-@jax.custom_jvp
-def attached(problem: SplineProblem, outcome: Outcome) -> Outcome:
-    """A minimum that was found without derivatives, with those that it has."""
-    return outcome
-
-
-@attached.defjvp
-def _attached_jvp(primals, tangents):
-    problem, outcome = primals
-    outcome = attached(problem, outcome)
-    tangent = jax.tree.map(_no_change, outcome)
-    return outcome, tangent._replace(point=of_splines(problem, tangents[0], outcome))
-
-
 def _no_change(leaf: Array) -> Array:
     if jnp.issubdtype(leaf.dtype, jnp.inexact):
         return jnp.zeros_like(leaf)

@@ -70,12 +70,22 @@ class Interpolant(NamedTuple):
 
     def slope(self, u: Array, side: str = "above") -> Array:
         """Y_u(u), where it jumps the value on that side."""
+        return _slope(*self._seen(u, side))
+
+    def derivatives(self, u: Array, side: str = "above") -> tuple[Array, Array, Array]:
+        """Y_u, Y_uu and Y_uuu at u, where they jump the values on that side."""
+        piece, s = self._seen(u, side)
+        _, width, _, _, b, c = piece
+        return _slope(piece, s), (2 * b + 6 * c * s) / width, 6 * c / width**2
+
+    def _seen(self, u: Array, side: str) -> tuple[Array, Array]:
+        """The piece on that side of u, and the place in it from 0 to 1."""
         xp = namespace(self, u)
         i = self.piece(u)
         if side == "below":
             i = xp.where((i > 0) & (u == pick(self.nodes, i)), i - 1, i)
         piece = pick(self.table, i)
-        return _slope(piece, (u - piece[0]) / piece[1])
+        return piece, (u - piece[0]) / piece[1]
 
     def inverse(self, height: Array) -> Array:
         """U(y), the u with Y(u) = y, for heights from Y(0) to Y(1)."""

@@ -32,27 +32,25 @@ from jaxclay.resolution import hidden_by_rounding
 from jaxclay.schemes.slices.nodes import least_slices
 from jaxclay.schemes.slices.posing import counted, located, pose_on_host
 from jaxclay.schemes.slices.refining import Wanted, followed, on_slices, to_tolerance
-from jaxclay.schemes.spline.host import deform_to_tolerance, minimize_on_mesh
 from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.schemes.spline.solve import minimize_on_spans
 from jaxclay.schemes.sums import Point
 from jaxclay.scm import RoughShape, rough_shape
-from jaxclay.smooth_clay import SmoothClay
 from jaxclay.solution import Derived, Solution, Status, status_code
 from jaxclay.squash import Squash, check_fits
 from jaxclay.start import start_of
 from jaxclay.system import System
-from jaxclay.window import Piece, minimize_in_window
 
 
 def deform(
-    clay: Clay | SmoothClay,
+    clay: Clay,
     squash: Squash,
     material: Material,
     method: str = "newton",
     *,
-    scheme: str | None = None,
+    scheme: str = "slices",
     tolerance: float | None = None,
-    slices: int | tuple[int, int, int] | str | None = None,
+    slices: int | tuple[int, int, int] | None = None,
     spacing: str | None = None,
     degree: int | None = None,
     elements: int | None = None,
@@ -60,8 +58,8 @@ def deform(
 ) -> Solution:
     """Squash the clay: pose (eqs. 10, 11), rough shape (12 to 19), minimum of E_total (9).
 
-    On the scheme "slices" newton solves on half as many slices first, twice, and each time the
-    nodes go where the answer before bends; so the problem is the same for every method.
+    On the scheme "slices" newton solves three times, and each time the nodes go where the answer
+    before bends; so the problem is the same for every method.
 
     Parameters
     ----------
@@ -69,15 +67,13 @@ def deform(
         As :func:`pose` takes them.
     method : str
         A key of :data:`jaxclay.METHODS`.
-    scheme : str, optional
-        "slices", "paper" or "spline", as :func:`pose` takes it; if not given "slices", or
-        "spline" where there is a tolerance.
+    scheme : str
+        "slices", "paper" or "spline", as :func:`pose` takes it.
     tolerance : float, optional
-        Largest error of the contour, over the unit l, that the answer may have: as few
-        unknowns as that needs are used, and ``error_estimate`` says what was met.
-        With scheme "paper" that takes ``slices="auto"``.
+        Largest error of the contour, over the unit l, that the answer may have, on the scheme
+        "slices": as few slices as that needs are used, and ``error_estimate`` says what was met.
     slices, spacing, degree, elements : optional
-        As :func:`pose` takes them; a tolerance chooses slices and elements by itself.
+        As :func:`pose` takes them; a tolerance chooses the slices by itself.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
 
@@ -92,31 +88,44 @@ def deform(
         What :func:`pose` and :func:`minimize` raise; a tolerance below what float64 can
         give or out of range; arguments that do not go together.
     """
-    scheme = _scheme(scheme, tolerance, slices, elements)
     given = {"slices": slices, "spacing": spacing, "degree": degree, "elements": elements}
     check_scheme(scheme, **given)
-    if scheme == "slices" and isinstance(clay, Clay) and is_concrete(clay, squash, material):
-        method_settings(method, settings)
-        check_fits(squash, clay)
-        found = located(clay, squash, material)
-        if tolerance is not None:
-            check_tolerance(tolerance)
-            return _by(method, settings, followed(to_tolerance(found, float(tolerance)), _newton))
-        wanted = clay.slices if slices is None else slices
-        total, counts = counted(wanted)
-        if spacing == "equal" or counts is not None or total < least_slices(found.band):
-            posed = pose_on_host(found, wanted, spacing or "placed")
-            return minimize(posed, method, **settings)
-        return _by(method, settings, followed(on_slices(found, total), _newton))
+    concrete = is_concrete(clay, squash, material)
     if tolerance is not None:
-        if scheme == "paper":
-            from jaxclay.auto_slices import deform_on_slices
+        _check_tolerance(tolerance, concrete, scheme, slices, spacing)
+    if scheme != "slices" or not concrete:
+        return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
+    method_settings(method, settings)
+    check_fits(squash, clay)
+    found = located(clay, squash, material)
+    if tolerance is not None:
+        return _by(method, settings, followed(to_tolerance(found, float(tolerance)), _newton))
+    wanted = clay.slices if slices is None else slices
+    total, counts = counted(wanted)
+    if spacing == "equal" or counts is not None or total < least_slices(found.band):
+        posed = pose_on_host(found, wanted, spacing or "placed")
+        return minimize(posed, method, **settings)
+    return _by(method, settings, followed(on_slices(found, total), _newton))
 
-            return deform_on_slices(clay, squash, material, method, tolerance, settings)
-        chosen = spline_settings(method, settings)
-        degree = 5 if degree is None else degree
-        return deform_to_tolerance(clay, squash, material, tolerance, degree, chosen, method)
-    return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
+
+def _check_tolerance(tolerance, concrete: bool, scheme, slices, spacing) -> None:
+    """Raise where a tolerance is out of range or does not go with the rest."""
+    if scheme != "slices":
+        raise ValueError(
+            f'tolerance={tolerance!r} belongs to scheme "slices", not to "{scheme}": give '
+            + ("elements" if scheme == "spline" else "slices")
+        )
+    if not concrete:
+        raise ValueError(
+            f"tolerance={tolerance!r} needs values, which jit, grad, vmap and scan do not have "
+            "yet: give slices=n, such as slices=128"
+        )
+    for name, value in (("slices", slices), ("spacing", spacing)):
+        if value is not None:
+            raise ValueError(
+                f"give {name}={value!r} or a tolerance, which chooses the slices, not both"
+            )
+    check_tolerance(tolerance)
 
 
 def _newton(wanted: Wanted) -> Solution:
@@ -137,29 +146,10 @@ def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
     return dataclasses.replace(answer, levels=found.levels, error_estimate=found.error_estimate)
 
 
-def _scheme(scheme, tolerance, slices, elements) -> str:
-    """The scheme meant; raises where a tolerance does not go with the rest."""
-    if scheme is None:
-        scheme = "paper" if isinstance(slices, str) else "slices"
-    if scheme == "slices" and tolerance is not None and slices is not None:
-        raise ValueError(f"give slices={slices!r} or a tolerance, which chooses them, not both")
-    if scheme == "spline" and tolerance is not None and elements is not None:
-        raise ValueError("give elements or a tolerance, which chooses them, not both")
-    if isinstance(slices, str) and slices != "auto":
-        raise ValueError(f'slices must be a whole number or "auto", got {slices!r}')
-    if scheme == "paper" and (slices == "auto") != (tolerance is not None):
-        raise ValueError(
-            'on the paper\'s scheme a tolerance takes slices="auto" and slices="auto" a '
-            f"tolerance: got slices={slices!r} and tolerance={tolerance!r}"
-        )
-    return scheme
-
-
 def minimize(
     problem: Problem | SplineProblem,
     method: str = "newton",
     start: Array | Point | Solution | None = None,
-    window: str | tuple[float, float] | None = None,
     **settings: Any,
 ) -> Solution:
     """Minimise E_total (eq. 9) over the free heights, or a spline's free coefficients.
@@ -178,11 +168,6 @@ def minimize(
         spline), or a point over l; what is prescribed is put where the tool wants it.  Or the
         answer to a squash close by of the same clay, whose displacements, multipliers and resting
         nodes are used: that is for dragging a tool.  If not given, the rough shape.
-    window : "auto" or (bottom, top), optional
-        On slices, solve for the clay between these heights of the clay before
-        the squash only, or, if "auto", for what the sliced cylinder model moves and some
-        more; wider where clay outside turns out to move.  The answer is judged
-        as a whole.
     **settings
         The method's own: see ``jaxclay.METHODS[method].settings``.
 
@@ -196,35 +181,22 @@ def minimize(
     ValueError
         Unknown method or setting, a method that does not know the problem's scheme, a
         setting out of its range, a start of the wrong length, out of order or below the
-        thickness floor, a window that is empty or reaches beyond the clay.
+        thickness floor.
     TypeError
         Inside a JAX transformation while float64 is off.
     """
     if isinstance(problem, SplineProblem):
-        if window is not None:
-            raise ValueError(f'window={window!r} belongs to slices, not to scheme "spline"')
-        return minimize_on_mesh(problem, start, spline_settings(method, settings), method)
+        return minimize_on_spans(problem, start, spline_settings(method, settings), method)
     chosen = method_settings(method, settings)
     if is_transformed(problem, start):
         check_float64("minimize")
-        return _traced(problem, start, window, chosen, method)
+        return _traced(problem, start, chosen, method)
     with as_compiled():
-        return _on_host(as_float64(problem), start, window, chosen, method)
-
-
-def _on_host(problem: Problem, start, window, chosen, method: str) -> Solution:
-    rough = rough_shape(problem)
-    begin = start_of(problem, rough, start)
-    if window is not None:
-
-        def solved(part: Problem, piece: Piece) -> Outcome:
-            return _solve_on_host(part, piece.start(begin), chosen, rough.feasible, method)[0]
-
-        outcome = minimize_in_window(problem, rough, window, solved)
-        if outcome is not None:
-            return conclude(problem, rough, outcome, method)
-    found = _solve_on_host(problem, begin, chosen, rough.feasible, method)
-    return solution_of(problem, rough.feasible, *found, method)
+        problem = as_float64(problem)
+        rough = rough_shape(problem)
+        begin = start_of(problem, rough, start)
+        found = _solve_on_host(problem, begin, chosen, rough.feasible, method)
+        return solution_of(problem, rough.feasible, *found, method)
 
 
 def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
@@ -256,11 +228,9 @@ def _kept(system: System, outcome: Outcome, feasible: Array) -> Point:
     return Point(thickness, xp.where(feasible, point.shift, 0.0))
 
 
-def _traced(problem, start, window, settings, method) -> Solution:
+def _traced(problem, start, settings, method) -> Solution:
     """The same inside a transformation, with the minimum's derivatives."""
     rough = rough_shape(problem)
-    if window is not None:
-        minimize_in_window(problem, rough, window, None)
     still, rough_still = jax.lax.stop_gradient((problem, rough))
     begin = jax.lax.stop_gradient(start_of(still, rough_still, start))
     outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)

@@ -16,24 +16,20 @@ except ImportError as error:  # pragma: no cover
 
 from jaxclay.clay import Clay
 from jaxclay.contour import polyline
-from jaxclay.smooth_clay import SmoothClay
 from jaxclay.solution import Solution
 
 # Okabe and Ito's palette, told apart by colour-blind readers too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C8C8C")
 CLAY = "#E8D5C0"
 FORMATS = (".png", ".svg", ".pdf")
-_CHORD = 1e-5  # of l, how near a function's contour is drawn
 
 
-def contour(
-    clay: Clay | SmoothClay, ax: Axes | None = None, *, fill: bool = False, **style
-) -> Axes:
+def contour(clay: Clay, ax: Axes | None = None, *, fill: bool = False, **style) -> Axes:
     """The clay's silhouette: both halves of the contour, radius against height.
 
     Parameters
     ----------
-    clay : Clay or SmoothClay
+    clay : Clay
         What is drawn, in its own length unit.
     ax : Axes, optional
         Where; a new figure's if not given.
@@ -43,7 +39,7 @@ def contour(
         Passed on to ``Axes.plot``, such as label, color, linestyle.
     """
     ax = ax or _new_axes(4, 4.5)
-    points = polyline(clay, _CHORD)
+    points = polyline(clay)
     mirrored = points[::-1] * [-1, 1]
     outline = np.concatenate([points, mirrored])
     style = {"color": COLOURS[0], "linewidth": 1.5} | style
@@ -92,20 +88,12 @@ def heights(answer: Solution, ax: Axes | None = None) -> Axes:
         (rough, COLOURS[4], "--", "rough shape (E_move)"),
         (answer.clay, COLOURS[0], "-", f"{answer.method} (E_total)"),
     ):
-        ax.plot(*_height_curve(clay), color=colour, linestyle=line, label=label)
+        ax.plot(clay.material, clay.heights, color=colour, linestyle=line, label=label)
     low, high = answer.rough.band
     ax.axvspan(float(low), float(high), color=COLOURS[5], alpha=0.15, label="band")
     ax.set(xlabel="material coordinate u", ylabel="height Y (clay's length unit)")
     ax.legend(fontsize="small")
     return ax
-
-
-def _height_curve(clay: Clay | SmoothClay) -> tuple[np.ndarray, np.ndarray]:
-    """Material coordinates and heights: a slice's ends, or points close together."""
-    if isinstance(clay, SmoothClay):
-        u = np.union1d(np.linspace(0, 1, 257), clay.breaks)
-        return u, clay.height_at(u)
-    return np.asarray(clay.material), np.asarray(clay.heights)
 
 
 def _new_axes(width: float, height: float) -> Axes:

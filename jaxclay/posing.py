@@ -15,8 +15,7 @@ from jaxclay.energy import Terms
 from jaxclay.problem import Problem
 from jaxclay.schemes.paper import sums_of
 from jaxclay.schemes.slices.posing import SPACINGS, located, pose_on_host, pose_traced
-from jaxclay.schemes.spline.host import posed as posed_spline
-from jaxclay.smooth_clay import SmoothClay
+from jaxclay.schemes.spline.pose import posed as posed_spline
 from jaxclay.squash import Squash, check_fits
 
 SCHEMES = ("slices", "paper", "spline")
@@ -24,7 +23,7 @@ _DEGREE, _ELEMENTS = 5, 8
 
 
 def pose(
-    clay: Clay | SmoothClay,
+    clay: Clay,
     squash: Squash,
     material: Material,
     scheme: str = "slices",
@@ -38,9 +37,8 @@ def pose(
 
     Parameters
     ----------
-    clay : Clay or SmoothClay
-        The shape before the squash; for splines it may be a function, into which slices are
-        turned (:meth:`jaxclay.Clay.as_function`).
+    clay : Clay
+        The shape before the squash; for splines the function Y(u) between its nodes.
     squash : Squash
         In the clay's length unit.
     material : Material
@@ -84,11 +82,6 @@ def pose(
         degree = _DEGREE if degree is None else degree
         return posed_spline(
             clay, squash, material, degree, _ELEMENTS if elements is None else elements
-        )
-    if isinstance(clay, SmoothClay):
-        raise ValueError(
-            f'this clay is a function Y(u), but scheme "{scheme}" takes slices: give it '
-            'clay.sliced(64).clay, or use scheme="spline"'
         )
     if scheme == "slices":
         spacing = "placed" if spacing is None else spacing

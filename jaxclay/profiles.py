@@ -3,9 +3,8 @@
 A CSV file has a header with the columns ``height`` and ``radius``, one length
 unit, from bottom to top; lines that start with # are comments.  Files that
 jaxclay writes carry more, so that reading them back gives the same clay: l and
-r0 as comments, and either each slice's ``thickness`` and ``top``, with its ``material``
-where slices are of unequal volume and the edges of tools as comments, or, as comments, the
-pieces of the function Y(u).
+r0 as comments, each slice's ``thickness`` and ``top``, with its ``material`` where slices are
+of unequal volume, and the edges of tools as comments.
 """
 
 from __future__ import annotations
@@ -16,16 +15,14 @@ import tempfile
 from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 
-from jaxclay.bernstein import DEGREE
-from jaxclay.checks import check_positive, check_slices
-from jaxclay.clay import Clay, equal_nodes, on_nodes
+from jaxclay.checks import check_positive
+from jaxclay.clay import Clay, Converted
 from jaxclay.contour import polyline, slice_points
 from jaxclay.distance import farthest
-from jaxclay.smooth_clay import SmoothClay
+from jaxclay.slicing import clip_radii
 from jaxclay.tables import COLUMNS, Comment, as_finite, read_table
 
 # The Utah teapot's body (M. Newell 1975): cubic Bezier control points (radius, height).
@@ -34,7 +31,8 @@ _TEAPOT_BODY = (
     ((2.0, 0.75), (2.0, 1.2), (1.75, 1.725), (1.5, 2.25)),
 )
 _POINTS = 129
-_ROWS_WITHIN = 1e-6  # of l, from the contour of a function
+_FEWEST, _MOST = 64, 2048  # slices, where nobody says how many,
+_NEAR = 1e-5  # of l: and how near they should be to the profile
 
 
 def _teapot() -> tuple[np.ndarray, np.ndarray]:
@@ -69,21 +67,9 @@ PROFILES: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
 """Heights and radii (m,) of the packaged profiles, of their own length units, by name."""
 
 
-@overload
-def load_profile(
-    source: str | os.PathLike, slices: int, minimum_radius: float | None = None
-) -> Clay: ...
-
-
-@overload
-def load_profile(
-    source: str | os.PathLike, slices: None = None, minimum_radius: float | None = None
-) -> Clay | SmoothClay: ...
-
-
 def load_profile(
     source: str | os.PathLike, slices: int | None = None, minimum_radius: float | None = None
-) -> Clay | SmoothClay:
+) -> Clay:
     """Clay from a packaged profile or a CSV file.
 
     Parameters
@@ -91,8 +77,8 @@ def load_profile(
     source : str or path
         "teapot", "amphora", "bowl", or a CSV file with columns height and radius.
     slices : int, optional
-        64 if not given; for a file that jaxclay wrote, the clay it has, in
-        slices or as a function.
+        If not given, those of the clay in a file that jaxclay wrote, and for other profiles 64
+        or twice as many until the contour is within 1e-5 l of the profile's, 2048 at most.
     minimum_radius : float, optional
         Radii below it are raised to it, to clip a pointed tip.
 
@@ -103,9 +89,15 @@ def load_profile(
     OSError
         The file cannot be read.
     """
+    return loaded(source, slices, minimum_radius).clay
+
+
+def loaded(
+    source: str | os.PathLike, slices: int | None = None, minimum_radius: float | None = None
+) -> Converted:
+    """The clay of :func:`load_profile`, and how far its contour is off the profile's, over l."""
     if str(source) in PROFILES:
-        heights, radii = PROFILES[str(source)]()
-        return Clay.from_profile(heights, radii, 64 if slices is None else slices, minimum_radius)
+        return _cut(*PROFILES[str(source)](), slices, minimum_radius)
     path = Path(source)
     if not path.exists() and path.suffix != ".csv":
         raise ValueError(
@@ -113,58 +105,44 @@ def load_profile(
         )
     try:
         table, comments = read_table(path)
-        saved = _saved_clay(table, comments, slices) if minimum_radius is None else None
-        if saved is not None:
-            return saved
-        slices = 64 if slices is None else slices
-        return Clay.from_profile(table["height"], table["radius"], slices, minimum_radius)
+        saved = _saved_clay(table, comments) if minimum_radius is None else None
+        if saved is None:
+            return _cut(table["height"], table["radius"], slices, minimum_radius)
     except ValueError as error:  # of which a UnicodeDecodeError is one
         raise ValueError(f"{path}: {error}") from None
+    return Converted(saved, 0.0) if slices in (None, saved.slices) else saved.resliced(slices)
 
 
-def _saved_clay(table: dict, comments: list[Comment], slices: int | None):
+def _cut(
+    heights: np.ndarray, radii: np.ndarray, slices: int | None, minimum_radius: float | None
+) -> Converted:
+    """The profile in slices of equal volume, as many as bring it near if that was not said."""
+    count = _FEWEST if slices is None else slices
+    while True:
+        clay = Clay.from_profile(heights, radii, count, minimum_radius)
+        points = np.stack([clip_radii(radii, minimum_radius), heights - heights[0]], axis=1)
+        outline = np.pad(points, ((1, 1), (0, 0)))
+        outline[-1, 1] = points[-1, 1]
+        contour = polyline(clay)
+        error = max(farthest(contour, outline), farthest(outline, contour)) / float(clay.unit)
+        if slices is not None or error <= _NEAR or count >= _MOST:
+            return Converted(clay, error)
+        count *= 2
+
+
+def _saved_clay(table: dict, comments: list[Comment]) -> Clay | None:
     """The clay of a file that jaxclay wrote; None of another's."""
     found = {c.name: c for c in comments if c.name in ("unit", "r0")}
-    pieces = [c for c in comments if c.name == "piece"]
-    if len(found) < 2 or not (pieces or set(COLUMNS[:4]) <= set(table)):
+    if len(found) < 2 or not set(COLUMNS[:4]) <= set(table):
         return None
     marks = {}
     for name, comment in found.items():
         marks[name] = as_finite(comment.line, name, comment.value)
         check_positive(f"line {comment.line}: {name}", marks[name])
-    if not pieces:
-        edges = [c for c in comments if c.name == "edge"]
-        return _saved_slices(table, marks, edges, slices)
-    clay = _saved_function(table, marks, pieces)
-    return clay if slices is None else clay.sliced(slices).clay
+    return _saved_slices(table, marks, [c for c in comments if c.name == "edge"])
 
 
-def _saved_function(table: dict, marks: dict, pieces: list[Comment]) -> SmoothClay:
-    """The function whose pieces the comments hold, if the rows are points of it."""
-    numbers = []
-    for comment in pieces:
-        words = comment.value.split()
-        if len(words) != DEGREE + 2:
-            raise ValueError(
-                f"line {comment.line}: a piece has its first u and {DEGREE + 1} heights, not "
-                f"{len(words)} numbers"
-            )
-        numbers.append([as_finite(comment.line, "piece", word) for word in words])
-    values = np.array(numbers)
-    clay = SmoothClay(np.append(values[:, 0], 1.0), values[:, 1:], marks["r0"], marks["unit"])
-    rows = np.stack([table["radius"], table["height"]], axis=1)
-    contour = polyline(clay)[1:-1]
-    apart = max(farthest(rows, contour), farthest(contour, rows))
-    if apart > 2 * _ROWS_WITHIN * clay.unit:
-        raise ValueError(
-            f"the rows are up to {apart:g} away from the pieces in the comments: a file edited by "
-            "hand must not keep the lines that start with # piece"
-        )
-    return clay
-
-
-def _saved_slices(table: dict, marks: dict, comments: list[Comment], slices: int | None) -> Clay:
-    """The clay of a file that jaxclay wrote; on another grid with the heights of its function."""
+def _saved_slices(table: dict, marks: dict, comments: list[Comment]) -> Clay:
     is_slice = table["thickness"] > 0
     heights = np.concatenate([[0.0], table["top"][is_slice]])
     material = table.get("material")
@@ -187,25 +165,18 @@ def _saved_slices(table: dict, marks: dict, comments: list[Comment], slices: int
             f"radius {table['radius'][is_slice][i]:g} of slice {i} is not that of its thickness, "
             f"{clay.radii[i]:g}: a file edited by hand must not keep the columns thickness and top"
         )
-    if slices is None or slices == clay.slices:
-        return clay
-    check_slices(slices)
-    return on_nodes(clay, equal_nodes(slices))
+    return clay
 
 
-def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
+def save_profile(clay: Clay, path: str | os.PathLike) -> None:
     """Write the contour as CSV, in the clay's length unit.
 
-    Of clay in slices, rows of height, radius, thickness and top, and of material where their
-    volumes differ: the slices, radius at mid-height, top and material (the fraction of the
+    Rows of height, radius, thickness and top, and of material where the slices' volumes differ:
+    the slices, radius at mid-height, top and material (the fraction of the
     volume below it) of their upper boundary, with rows of no thickness at the edges of tools
     and at either end, where the contour turns to the axis.  The sum of pi radius^2
     thickness is the clay's volume to rounding; the smooth solid through the same
-    points differs by O(h^2).
-
-    Of a function, rows of height and radius that lie on the contour and so close
-    that the line through them is within 1e-6 l of it; comments hold the function
-    itself.  The file appears whole or not at all.
+    points differs by O(h^2).  The file appears whole or not at all.
 
     Raises
     ------
@@ -213,16 +184,8 @@ def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
         The file cannot be written.
     """
     comments = [f"# unit = {float(clay.unit)!r}", f"# r0 = {float(clay.r0)!r}"]
-    if isinstance(clay, Clay):
-        comments += [f"# edge = {float(u)!r} {float(radius)!r}" for u, radius in clay.edges]
-    if isinstance(clay, SmoothClay):
-        comments += [
-            "# piece = " + " ".join(repr(float(v)) for v in (start, *heights))
-            for start, heights in zip(clay.breaks[:-1], clay.control, strict=True)
-        ]
-        columns = _rows_of_function(clay)
-    else:
-        columns = _rows_of_slices(clay)
+    comments += [f"# edge = {float(u)!r} {float(radius)!r}" for u, radius in clay.edges]
+    columns = _rows(clay)
     with replacing(path) as temporary, temporary.open("w", newline="") as file:
         file.write("\n".join(comments) + "\n")
         writer = csv.writer(file, lineterminator="\n")
@@ -231,7 +194,7 @@ def save_profile(clay: Clay | SmoothClay, path: str | os.PathLike) -> None:
             writer.writerow([repr(float(v)) for v in row])
 
 
-def _rows_of_slices(clay: Clay) -> dict[str, np.ndarray]:
+def _rows(clay: Clay) -> dict[str, np.ndarray]:
     points, node = slice_points(clay), np.asarray(clay.heights)
     top = np.searchsorted(node, points[:, 1])
     at_edge = node[np.minimum(top, clay.slices)] == points[:, 1]
@@ -243,11 +206,6 @@ def _rows_of_slices(clay: Clay) -> dict[str, np.ndarray]:
         "top": node[top],
     }
     return columns if clay.equal else columns | {"material": clay.material[top]}
-
-
-def _rows_of_function(clay: SmoothClay) -> dict[str, np.ndarray]:
-    X, y = polyline(clay, _ROWS_WITHIN)[1:-1].T
-    return {"height": _rising(y), "radius": X}
 
 
 def _rising(y: np.ndarray) -> np.ndarray:

@@ -7,33 +7,10 @@ import jax.numpy as jnp
 
 from jaxclay.clay import Array
 
-_PLACES, _ROUNDS = 9, 7  # of a smooth function
 _SCANNED = 160  # places at once, where there are kinks
 _BESIDE = 4  # kinks to either side of the least that are looked at closely
 _CUTS = 40
 _EXACT = 1e-15
-
-
-def narrowed(energies_and_slopes, low: Array, high: Array) -> Array:
-    """Where a smooth function is least: rounds of equally spaced places.
-
-    The first round goes by the energies, since there may be two minima, the others by
-    the slopes, which locate a minimum more sharply.
-    """
-    last = _PLACES - 1
-
-    def narrow(turn, bounds):
-        low, high = bounds
-        places = low + (high - low) * jnp.arange(_PLACES) / last
-        energies, slopes = energies_and_slopes(places)
-        best = jnp.argmin(energies)
-        rising = jnp.sum(jnp.cumprod(slopes < 0))  # of the first place where energy rises
-        first = jnp.where(turn == 0, jnp.maximum(best - 1, 0), jnp.maximum(rising - 1, 0))
-        after = jnp.where(turn == 0, jnp.minimum(best + 1, last), jnp.minimum(rising, last))
-        return places[first], places[after]
-
-    low, high = jax.lax.fori_loop(0, _ROUNDS, narrow, (low, high))
-    return (low + high) / 2
 
 
 def around_least(energies, places: Array, low: Array, high: Array) -> Array:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import jax.numpy as jnp
 import numpy as np
 
 from jaxclay import _repr
@@ -19,13 +18,11 @@ from jaxclay._host import (
 )
 from jaxclay.arrays import namespace
 from jaxclay.band import Band, sides
-from jaxclay.bernstein import DEGREE
 from jaxclay.clay import Array, Clay, unchecked_clay
 from jaxclay.problem import Problem
 from jaxclay.schemes.slices.edges import with_jumps
 from jaxclay.schemes.sums import Point
 from jaxclay.side import Push, slope_change, solve_sides
-from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
 
 if TYPE_CHECKING:
     from jaxclay.schemes.spline.problem import SplineProblem
@@ -43,8 +40,8 @@ class RoughShape:
     heights : (n+1,) array, length
         Y_i of the rough shape.
     nodes : (n+1,) array
-        Material coordinates u_i of these heights: i/n, or with the scheme "spline"
-        the boundaries of the slices into which the clay was cut.
+        Material coordinates u_i of these heights; with the scheme "spline" the nodes of the
+        answer's clay.
     point : Point
         The same over l, as solvers hold it.
     reach : float
@@ -80,12 +77,8 @@ class RoughShape:
     case_code: Array
     case_below_code: Array
 
-    def clay(self, before: Clay | SmoothClay) -> Any:
-        """The rough shape as clay, given the clay before the squash; a function as a polyline."""
-        if isinstance(before, SmoothClay):
-            low, high = self.heights[:-1, None], self.heights[1:, None]
-            control = low + (high - low) * (jnp.arange(DEGREE + 1) / DEGREE)
-            return unchecked_smooth_clay(self.nodes, control, before.r0, before.unit)
+    def clay(self, before: Clay) -> Clay:
+        """The rough shape as clay, given the clay before the squash."""
         thickness = self.point.thickness * before.unit
         shape = unchecked_clay(self.heights, thickness, before.r0, before.unit, self.nodes)
         exact = is_concrete(shape, self.band) and np.isin(self.band, shape.material).all()

@@ -168,7 +168,7 @@ class Solution:
 
     @property
     def heights(self) -> Array:
-        """(n+1,) Y_i, in the clay's length unit; where pieces meet if the clay is a function."""
+        """(n+1,) Y_i, in the clay's length unit."""
         return self.clay.heights
 
     @property
@@ -190,7 +190,6 @@ class Solution:
             return (
                 f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
                 f"contour's error is {float(self.error_estimate):.2g}. Ask for a larger tolerance"
-                + (', or use scheme="spline"' if on_slices else "")
             )
         if self.status is Status.UNRESOLVED and not on_slices:
             return (

@@ -9,7 +9,6 @@ import numpy as np
 from jaxclay._host import is_concrete, pytree
 from jaxclay.checks import as_number, check_positive
 from jaxclay.clay import Array, Clay
-from jaxclay.smooth_clay import SmoothClay
 
 
 @pytree
@@ -53,7 +52,7 @@ class Squash:
             )
 
 
-def check_fits(squash: Squash, clay: Clay | SmoothClay) -> None:
+def check_fits(squash: Squash, clay: Clay) -> None:
     """Raise where the squash asks of this clay what no shape can give."""
     bottom, top, radius = float(squash.bottom), float(squash.top), float(squash.radius)
     height = float(clay.height)

@@ -13,37 +13,34 @@ from itertools import pairwise
 
 import numpy as np
 
-from jaxclay.bernstein import evaluate
 from jaxclay.checks import check_positive
 from jaxclay.clay import Clay
-from jaxclay.contour import polyline
 from jaxclay.profiles import replacing
-from jaxclay.smooth_clay import SmoothClay
 
 _FILL = "#E8D5C0"
 _SAMPLES = 33  # places at which a curve is compared with the contour
 _ROUNDS = 4  # of fitting the control points and then the places
 _STIFFNESS = 1e-8  # keeps control points in place where the contour is straight, to 1e-4 radians
 _FINEST = 1e-9  # tolerance over the height: rounding is not far below
-_STRAIGHT_ON = 1e-6  # radians that the tangent may turn at a break which is no corner
+_STRAIGHT_ON = 0.02  # radians that the tangent may turn at a node which is no corner
 _SAME_RADIUS = 1e-9  # of the height
 
 
 def save_svg(
-    clay: Clay | SmoothClay,
+    clay: Clay,
     path: str | os.PathLike,
     millimetres: float = 100.0,
     tolerance: float = 0.01,
 ) -> None:
     """Write a clay's closed outline, both halves, as one SVG path in millimetres.
 
-    The file states how many curves it has and how far they are off.  Clay in
-    slices is drawn as the function through its heights (``as_function``).  The
-    file appears whole or not at all.
+    The file states how many curves it has and how far they are off.  What is drawn is the
+    function through the clay's heights (:meth:`jaxclay.Clay.height_at`).  The file appears
+    whole or not at all.
 
     Parameters
     ----------
-    clay : Clay or SmoothClay
+    clay : Clay
         What is drawn.
     path : path
         The file to write.
@@ -67,25 +64,23 @@ def save_svg(
             f"tolerance is {tolerance:g} mm, but float64 resolves a piece {height:g} mm tall to "
             f"about {_FINEST * height:.1g} mm: ask for no less"
         )
-    if isinstance(clay, Clay):
-        fine = min(1e-6, tolerance / (float(clay.unit) * millimetres))
-        clay = clay.as_function(fine).clay
-    assert isinstance(clay, SmoothClay)
     decimals = max(0, 2 - int(np.floor(np.log10(tolerance))))
     curves, error = [], 0.0
     for low, high in _between_corners(clay):
         for curve, off in _fitted(clay, low, high, millimetres, tolerance, decimals):
             curves.append(curve)
             error = max(error, off)
-    half_width = polyline(clay)[:, 0].max() * millimetres
+    nodes, places = clay.material, np.arange(_SAMPLES) / (_SAMPLES - 1)
+    u = nodes[:-1, None] + np.diff(nodes)[:, None] * places
+    half_width = _contour(clay, u)[0][0].max() * millimetres
     text = _document(np.array(curves), half_width, height, error, tolerance, decimals)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _between_corners(clay: SmoothClay) -> list[tuple[float, float]]:
+def _between_corners(clay: Clay) -> list[tuple[float, float]]:
     """The stretches of u over which the contour and its tangent are continuous."""
-    inner = np.unique(clay.breaks[(clay.breaks > 0) & (clay.breaks < 1)])
+    inner = clay.material[1:-1]
     (below, slope_below), (above, slope_above) = (
         _contour(clay, u) for u in (np.nextafter(inner, 0), inner)
     )
@@ -137,9 +132,9 @@ def _fit(points: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return curve, s
 
 
-def _contour(clay: SmoothClay, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _contour(clay: Clay, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(X, Y) and its derivative by u, each (2, k)."""
-    Y, Y_u, Y_uu = evaluate(clay.breaks, clay.control, u, 3)
+    Y, (Y_u, Y_uu, _) = clay.interpolant.height(u), clay.interpolant.derivatives(u)
     X = float(clay.r0) / np.sqrt(Y_u)
     return np.stack([X, Y]), np.stack([-X * Y_uu / (2 * Y_u), Y_u])
 

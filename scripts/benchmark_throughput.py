@@ -1,12 +1,12 @@
 """Squashes a second at 64 slices in float64: one call after the other, and many in one call.
 
 Scenes are those of the random population that begin as cylinders.  "solve" is newton on a problem
-that is posed, "deform" poses it too, "spline" poses and solves on 8 fixed spans a side, "spline to
-1e-4" adapts the spans, where every scene is a call of its own.  A call takes 256 scenes, and on a
-CPU solves each to its own end: a straggler costs its own iterations and nobody else's.  Seconds
-are of processor time, the least of a few runs, so that what else the machine does counts little;
-the column "by the clock" has what a clock on the wall says.  The last table holds every bound; the
-exit status is 1 if one is not met.
+that is posed, "deform" poses it too, "spline" poses and solves on 8 fixed spans a side, "to 1e-4"
+takes as many slices as that needs, where every scene is a call of its own.  A call takes 256
+scenes, and on a CPU solves each to its own end: a straggler costs its own iterations and nobody
+else's.  Seconds are of processor time, the least of a few runs, so that what else the machine does
+counts little; the column "by the clock" has what a clock on the wall says.  The last table holds
+every bound; the exit status is 1 if one is not met.
 """
 
 from __future__ import annotations

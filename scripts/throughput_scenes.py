@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import jaxclay
 from jaxclay.compare.population import population
-from jaxclay.conversion import cut
 
 _SLICES = 64
 _TOLERANCE = 1e-4
@@ -24,15 +23,13 @@ def scenes(name: str, count: int, seed: int = 0) -> list[tuple]:
     """The arguments of a way, for so many scenes that can be posed."""
     found = []
     for scene in population(2 * count, seed, worked=False):
-        whole = scene.clay, scene.squash, scene.material
-        if not name.startswith("spline"):
-            whole = cut(scene.clay, _SLICES), scene.squash, scene.material
-            try:
-                problem = jaxclay.pose(*whole, scheme="paper")
-            except ValueError:  # a band too small for so few slices
-                continue
-            whole = (problem,) if name == "solve" else whole
-        found.append(whole)
+        clay = jaxclay.Clay.cylinder(float(scene.clay.r0), slices=_SLICES)
+        whole = clay, scene.squash, scene.material
+        try:
+            problem = jaxclay.pose(*whole, scheme="paper")
+        except ValueError:  # a band too small for so few slices
+            continue
+        found.append((problem,) if name == "solve" else whole)
         if len(found) == count:
             return found
     raise ValueError(f"fewer than {count} scenes can be posed")
@@ -65,7 +62,5 @@ WAYS = {
     "solve": Way(jaxclay.minimize, _solve),
     "deform": Way(_on_slices, _deform),
     "spline": Way(_on_spans, _spline),
-    f"spline to {_TOLERANCE:g}": Way(
-        lambda *scene: jaxclay.deform(*scene, tolerance=_TOLERANCE), None
-    ),
+    f"to {_TOLERANCE:g}": Way(lambda *scene: jaxclay.deform(*scene, tolerance=_TOLERANCE), None),
 }

@@ -8,6 +8,7 @@ from scenes import SNAKE, piece
 import jaxclay
 from jaxclay import Clay, Squash, area_error, contour_error, load_profile, save_profile
 from jaxclay.contour import polyline
+from jaxclay.profiles import loaded
 
 
 def write(folder, text, name="contour.csv", **options):
@@ -32,7 +33,31 @@ def test_packaged_profiles_become_clay(name):
     clay = load_profile(name, slices=32)
     assert clay.slices == 32
     assert clay.height == clay.unit == jaxclay.PROFILES[name]()[0][-1]
-    assert load_profile(name).slices == 64
+    fine, error = loaded(name)
+    assert fine.slices in (1024, 2048)
+    assert error < 3e-5
+
+
+def test_a_profile_is_cut_until_it_is_near_and_the_error_is_its_distance(tmp_path):
+    text = "height,radius\n2,3\n3,4\n3.5,2\n5,2.5\n"
+    path = write(tmp_path, text)
+    clay, error = loaded(path)
+    assert clay.slices == 2048  # corners are cut: of first order
+    assert 1e-5 < error < 1e-3
+    profile = np.array([[0, 0], [3, 0], [4, 1], [2, 1.5], [2.5, 3], [0, 3]])
+    assert error == pytest.approx(oracles.hausdorff(polyline(clay), profile, 20_000) / 3, rel=0.2)
+    assert loaded(path, 64).error > 10 * error
+    straight = loaded(write(tmp_path, "height,radius\n0,1\n1,1\n"))
+    assert straight.clay.slices == 64
+    assert straight.error < 1e-12
+
+
+def test_a_saved_file_says_what_other_slices_lose(tmp_path):
+    clay = load_profile("amphora", 256)
+    save_profile(clay, tmp_path / "a.csv")
+    assert loaded(tmp_path / "a.csv").error == 0
+    coarse = loaded(tmp_path / "a.csv", 64)
+    assert coarse.error == contour_error(coarse.clay, clay) > 0
 
 
 @pytest.mark.parametrize("slices", [0, 2, -5])
@@ -181,7 +206,7 @@ def test_write_into_a_missing_folder_says_so(tmp_path):
 def test_bottles_are_read(bottles):
     for path in bottles:
         clay = load_profile(path)
-        assert (clay.slices, clay.unit) == (64, 1.0)
+        assert clay.unit == 1.0
         rows = np.genfromtxt(path, delimiter=",", skip_header=1)
         a, b, steps = rows[:-1, 1], rows[1:, 1], np.diff(rows[:, 0])
         volume = np.pi / 3 * np.sum(steps * (a * a + a * b + b * b))

@@ -116,7 +116,7 @@ def test_stand_ins_for_arrays_do_no_harm(middle):
 
 
 def test_a_squash_of_splines_says_what_it_is():
-    clay = Clay.cylinder(slices=16).as_function().clay
+    clay = Clay.cylinder(slices=16)
     problem = pose(clay, REFERENCE, SNAKE, "spline", elements=8)
     check(problem)
     assert 'scheme "spline"' in repr(problem)

@@ -130,10 +130,11 @@ def test_two_timing_runs_at_once_are_refused():
 SPLINES = """\
 kind = "throughput"
 slices = 32
-tolerances = [1e-2]
+elements = [4]
 
 [[scenes]]
 names = ["fig4a"]
+units = ["printed"]
 
 [[methods]]
 name = "newton"
@@ -142,13 +143,12 @@ schemes = ["paper", "spline"]
 
 
 @pytest.mark.slow
-def test_splines_are_measured_from_another_methods_minimum_on_a_finer_mesh(tmp_path):
+def test_splines_are_measured_from_another_methods_minimum_and_from_the_continuum(tmp_path):
     path = tmp_path / "splines.toml"
     path.write_text(SPLINES)
     table = sweep(path, tmp_path / "out").set_index("scheme")
     spline, paper = table.loc["spline"], table.loc["paper"]
-    assert spline.reference == "lbfgs-preconditioned on splines to 0.001"
-    assert paper.reference == "lbfgs-preconditioned"
-    assert 0 < spline.gap_relative < 0.05  # what the coarse mesh lacks
-    assert spline.contour_error_continuum < spline.error_estimate < 1e-2
+    assert spline.reference == paper.reference == "lbfgs-preconditioned"
+    assert abs(spline.gap_relative) < 1e-8
+    assert spline.contour_error_continuum < 1e-2
     assert spline.contour_error_continuum < paper.contour_error_continuum

@@ -76,9 +76,9 @@ def print_table(table: pd.DataFrame, console: Console) -> None:
         size, unknowns = f"{point.size:g}", f"{point.unknowns:.0f}"
         view.add_row(way, size, str(point.scenes), *errors, unknowns, *times)
     console.print(view)
-    dropped = table.scene[table.limit == accuracy.NO_TRUTH]
+    dropped = table.scene[table.limit == accuracy.NO_REFERENCE]
     console.print(f"left out, as no answer is good enough to measure from: {len(dropped)} scenes")
-    table = results.select(table, table.limit != accuracy.NO_TRUTH)
+    table = results.select(table, table.limit != accuracy.NO_REFERENCE)
     names = {"paper": "the paper's scheme needs", "placed": "placed slices of second order need"}
     for scheme, name in names.items():
         for level in LEVELS:

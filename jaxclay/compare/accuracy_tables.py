@@ -9,7 +9,7 @@ import pandas as pd
 
 from jaxclay.compare.results import select
 
-_LINE = ["scheme", "method", "degree", "adaptive"]
+_LINE = ["scheme", "method", "degree"]
 _SHARE = 0.5  # of the scenes that a point of a line must stand for
 _FINE = 256  # slices from which the order is fitted
 
@@ -47,11 +47,10 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     return made.reset_index()
 
 
-def line_of(points: pd.DataFrame, scheme: str, method="newton", degree=0, adaptive=False):
+def line_of(points: pd.DataFrame, scheme: str, method="newton", degree=0):
     """A line's points, cheap to dear, where they stand for most of the scenes."""
     mine = (points.scheme == scheme) & (points.method == method) & (points.degree == degree)
-    chosen = select(points, mine & (points.adaptive == adaptive) & (points.share >= _SHARE))
-    return chosen.sort_values("size", ascending=not adaptive)
+    return select(points, mine & (points.share >= _SHARE)).sort_values("size")
 
 
 def order(rows: pd.DataFrame, column: str) -> float:

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay._host import in_float64
 from jaxclay.clay import Clay, Material
 from jaxclay.compare.scenes import SNAKE_SLICES
-from jaxclay.conversion import as_smooth
-from jaxclay.merging import padded
-from jaxclay.methods.choice import spline_settings
-from jaxclay.schemes.spline import host
-from jaxclay.smooth_clay import SmoothClay, unchecked_smooth_clay
-from jaxclay.solution import Solution, Status
+from jaxclay.minimize import deform
+from jaxclay.solution import Status
 from jaxclay.squash import Squash
 
 _EARLIER = 3  # squashes before the one to solve, in one scene of four
-_PIECES, _SPANS = 144, 384  # room for every rest shape and every mesh
-_EARLIER_TOLERANCE = 1e-4  # of their contours, over l
-_FOLD = 0.02  # of a tolerance, to which an answer's pieces are merged
+_SLICES = 1024  # of the pieces, so that none of their own is seen in errors
 
 
 class RandomScene(NamedTuple):
@@ -31,8 +24,8 @@ class RandomScene(NamedTuple):
     ----------
     number : int
         Of the scene's draws since the seed.
-    clay : SmoothClay
-        The rest shape Y0(u), of unit height when it was a cylinder.
+    clay : Clay
+        The rest shape on 1024 slices, of unit height when it was a cylinder.
     squash : Squash
     material : Material
     worked : bool
@@ -42,7 +35,7 @@ class RandomScene(NamedTuple):
     """
 
     number: int
-    clay: SmoothClay
+    clay: Clay
     squash: Squash
     material: Material
     worked: bool
@@ -54,8 +47,8 @@ def population(count: int, seed: int = 0, worked: bool = True) -> Iterator[Rando
 
     r0 is uniform in [0.2, 1], mu = 10^U[-1.5, 0.3], alpha and beta 10^U[-2, 1] each, half of the
     materials in snake units of 64 slices.  One piece in four has gone through three squashes like
-    the last, solved by splines: its Y0(u) is a function, the same whichever scheme goes on from
-    there; without ``worked`` such pieces are left out.  What cannot be posed, as its band lies
+    the last, solved on placed slices, whichever scheme goes on from there; without ``worked``
+    such pieces are left out.  What cannot be posed, as its band lies
     above what earlier squashes left, is drawn again.
     """
     rng = np.random.default_rng(seed)
@@ -72,18 +65,6 @@ def population(count: int, seed: int = 0, worked: bool = True) -> Iterator[Rando
         if clay is not None and float(squashes[-1].bottom) < float(clay.height):
             made += 1
             yield RandomScene(number, clay, squashes[-1], material, earlier > 0, snake)
-
-
-def solved(clay: SmoothClay, squash: Squash, material: Material, tolerance: float) -> Solution:
-    """The answer of ``deform`` to a tolerance, compiled once for whatever scene."""
-    breaks, control = padded(clay.breaks, clay.control, _PIECES)
-    rest = unchecked_smooth_clay(breaks, control, clay.r0, clay.unit)
-    answer = in_float64(
-        "deform", host._adapted, rest, squash, material, tolerance, spline_settings("newton", {}),
-        degree=5, sides=2, spans=_SPANS,
-        kinks=host._KINKS, differentiable=False,
-    )  # fmt: skip
-    return host._solution(answer, "newton", answer.levels, answer.error, _FOLD * tolerance)
 
 
 def _squash(rng: np.random.Generator, r0: float) -> Squash:
@@ -104,14 +85,14 @@ def _material(rng: np.random.Generator) -> tuple[Material, bool]:
     return Material(1.0, mu, alpha, beta), False
 
 
-def _worked(r0: float, squashes: list[Squash], material: Material) -> SmoothClay | None:
+def _worked(r0: float, squashes: list[Squash], material: Material) -> Clay | None:
     """The cylinder after these squashes; None if one could not be made."""
-    shape = as_smooth(Clay.cylinder(radius=r0))
+    shape = Clay.cylinder(radius=r0, slices=_SLICES)
     for squash in squashes:
         if float(squash.bottom) >= float(shape.height):
             return None
-        answer = solved(shape, squash, material, _EARLIER_TOLERANCE)
-        if answer.status not in (Status.CONVERGED, Status.UNRESOLVED):
+        answer = deform(shape, squash, material)
+        if answer.status is not Status.CONVERGED:
             return None
-        shape = cast(SmoothClay, answer.clay)
+        shape = answer.clay
     return shape

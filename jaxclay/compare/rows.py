@@ -10,7 +10,6 @@ from jaxclay.clay import Clay
 from jaxclay.contour import contour_error
 from jaxclay.energies import total_energy
 from jaxclay.minimize import Solution
-from jaxclay.smooth_clay import SmoothClay
 
 Row = dict[str, Any]
 
@@ -56,6 +55,6 @@ def slack(answer: Solution) -> float:
     return float((stretch - problem.material.floor)[problem.loose].min(initial=np.inf))
 
 
-def distance(clay: Clay | SmoothClay, target: Clay | SmoothClay | None) -> float:
+def distance(clay: Clay, target: Clay | None) -> float:
     """The contour error over l; not a number where there is no target."""
     return float("nan") if target is None else contour_error(clay, target)

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
+from jaxclay import loop
 from jaxclay._host import as_float64
-from jaxclay.clay import Clay
+from jaxclay.certified_newton import packed, program
 from jaxclay.compare.population import RandomScene
-from jaxclay.conversion import cut
-from jaxclay.methods.choice import method_settings
-from jaxclay.minimize import _PLACINGS, _answered, deform, minimize
+from jaxclay.methods.choice import method_settings, spline_settings
+from jaxclay.minimize import deform, minimize
 from jaxclay.posing import pose
 from jaxclay.problem import Problem
 from jaxclay.resolution import resolvable_slices
-from jaxclay.schemes.slices.ladder import carried
 from jaxclay.schemes.slices.posing import located, pose_on_host
-from jaxclay.schemes.spline import host
-from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.spline.solve import answered
-from jaxclay.smooth_clay import SmoothClay
-from jaxclay.solution import Solution, Status
-from jaxclay.start import begin_from
+from jaxclay.schemes.slices.refining import Wanted, followed, on_slices
+from jaxclay.schemes.spline import solve as on_spans
+from jaxclay.scm import rough_shape
+from jaxclay.solution import Solution
+from jaxclay.start import start_of
 
 _LONG = 0.2  # seconds: runs longer than that are not repeated
-_PARTS = 16  # slices to a piece of a rest shape that is a function, where slices are needed
 
 
 class Way(NamedTuple):
@@ -42,17 +39,14 @@ class Way(NamedTuple):
     method : str
     degree : int
         Of splines, 0 on slices.
-    adaptive : bool
-        Whether ``size`` is a tolerance.
-    size : float
-        Slices, spans on each side, or the tolerance.
+    size : int
+        Slices, or spans on each side.
     """
 
     scheme: str
     method: str
     degree: int
-    adaptive: bool
-    size: float
+    size: int
 
 
 class Ready(NamedTuple):
@@ -74,115 +68,88 @@ def prepared(scene: RandomScene, way: Way) -> Ready:
     Limit
         "rounding" where float64 resolves fewer slices, "band" where so few hold no band.
     """
-    if way.adaptive:
-        return _adaptive(scene, way)
     if way.scheme in ("equal", "placed"):
         return _second_order(scene, way)
-    clay, squash, material = scene.clay, scene.squash, scene.material
-    settings = method_settings(way.method, {})
     if way.scheme == "spline":
-        whole = {"scheme": "spline", "degree": way.degree, "elements": int(way.size)}
-        problem = cast(SplineProblem, pose(clay, squash, material, **whole))
-        values = problem, host._begin(problem, None), settings
-        return _fixed(clay, scene, whole, way.method, answered, values)
-    slices = cut(clay, int(way.size))
+        posing = {"scheme": "spline", "degree": way.degree, "elements": way.size}
+        problem = pose(scene.clay, scene.squash, scene.material, **posing)
+        values = on_device((problem, on_spans.begin_from(problem, None)))
+        settings = on_device(spline_settings(way.method, {}))
+        return _posed(scene, posing, way.method, lambda: spans(values, settings, way.method))
+    posing = {"scheme": "paper", "slices": way.size}
     try:
-        problem = cast(Problem, pose(slices, squash, material, "paper"))
+        problem = pose(scene.clay, scene.squash, scene.material, **posing)
     except ValueError as error:
         raise Limit("band") from error
     if problem.slices > resolvable_slices(problem):
         raise Limit("rounding")
-    values = problem, begin_from(problem, None), settings
-    return _fixed(slices, scene, {"scheme": "paper"}, way.method, _answered, values)
+    return _posed(scene, posing, way.method, compiled_call(problem, None, way.method))
 
 
 def _second_order(scene: RandomScene, way: Way) -> Ready:
-    """Slices of second order, which take the rest shape in slices of its own."""
-    slices = int(way.size)
-    clay = _in_pieces(scene.clay) if scene.worked else cut(scene.clay, slices)
-    squash, material = scene.squash, scene.material
-    posing = {"slices": slices, "spacing": way.scheme}
+    clay, squash, material = scene.clay, scene.squash, scene.material
+    posing = {"slices": way.size, "spacing": way.scheme}
     try:
-        solves = (_placed if way.scheme == "placed" else _equal)(clay, squash, material, slices)
+        solves = (_placed if way.scheme == "placed" else _equal)(scene, way)
     except ValueError as error:
         raise Limit("band") from error
-    settings = method_settings(way.method, {})
-    values = [on_device((*each, settings)) for each in solves]
+    calls = [compiled_call(*each) for each in solves]
 
     def call() -> Solution:
         return deform(clay, squash, material, way.method, **posing)
 
     def solve():
         with jax.enable_x64(True):
-            for each in values:
-                answer = jax.block_until_ready(_answered.whole(*each, method=way.method))
-        return answer
+            return [jax.block_until_ready(each()) for each in calls][-1]
 
     return Ready(call, solve)
 
 
-def _in_pieces(smooth: SmoothClay) -> Clay:
-    """The function in slices that break where its pieces do, to 1e-6 of the contour or better."""
-    breaks = np.unique(smooth.breaks)
-    share = np.arange(_PARTS) / _PARTS
-    nodes = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * share).ravel(), 1.0)
-    heights, slope, *_ = smooth.derivatives(nodes)
-    edges = np.stack([nodes, smooth.r0 / slope**0.5], axis=1)[_PARTS:-1:_PARTS]
-    return Clay(heights, np.diff(heights), smooth.r0, smooth.unit, nodes, edges)
+def _equal(scene: RandomScene, way: Way) -> list[tuple[Problem, Any, str]]:
+    found = located(scene.clay, scene.squash, scene.material)
+    return [(pose_on_host(found, way.size, "equal"), None, way.method)]
 
 
-def _equal(clay: Clay, squash, material, slices: int) -> list[tuple[Problem, Any]]:
-    problem = pose_on_host(located(clay, squash, material), slices, "equal")
-    return [(problem, begin_from(problem, None))]
-
-
-def _placed(clay: Clay, squash, material, slices: int) -> list[tuple[Problem, Any]]:
+def _placed(scene: RandomScene, way: Way) -> list[tuple[Problem, Any, str]]:
     """The problems that ``deform`` solves one after the other, and where each solve begins."""
-    found, answer, solves = located(clay, squash, material), None, []
-    for _ in range(_PLACINGS):
-        problem = pose_on_host(found, slices // 2, "placed", answer)
-        solves.append((problem, begin_from(problem, None)))
-        answer = minimize(problem)
-        if answer.status is not Status.CONVERGED:
-            problem = pose_on_host(found, slices, "placed")
-            return [*solves, (problem, begin_from(problem, None))]
-    problem = pose_on_host(found, slices, "placed", answer)
-    return [*solves, (problem, begin_from(problem, carried(problem, answer)))]
+    asked = []
+
+    def solve(wanted: Wanted) -> Solution:
+        asked.append((*wanted, "newton"))
+        return minimize(wanted.problem, start=wanted.start)
+
+    found = located(scene.clay, scene.squash, scene.material)
+    last = followed(on_slices(found, way.size), solve).problem
+    return asked if way.method == "newton" else [*asked, (last, None, way.method)]
 
 
-def _fixed(clay: Clay | SmoothClay, scene, posing, method: str, fun, values) -> Ready:
-    values = on_device(values)
+def compiled_call(problem: Problem, start: Any, method: str) -> Callable[[], Any]:
+    """The compiled call of :func:`jaxclay.minimize` alone, its arguments ready on the device."""
+    rough, settings = rough_shape(problem), method_settings(method, {})
+    begin = start_of(problem, rough, start)
+    if method == "newton":
+        values = on_device(packed(problem.system, begin, settings, rough.feasible))
+        return lambda: program.whole(values)
+    values = on_device((problem, begin, settings, rough.feasible))
+    return lambda: loop.solve.whole(*values, method=method)
 
+
+def spans(values: tuple, settings: Any, method: str) -> Any:
+    """Compiled code alone of a solve on splines, given its problem and its start."""
+
+    def solve(problem, start):
+        return on_spans.answered.whole(problem, start, settings, method=method)
+
+    return on_spans.solved(solve, *values)[1]
+
+
+def _posed(scene: RandomScene, posing, method: str, run: Callable[[], Any]) -> Ready:
     def call() -> Solution:
-        return minimize(pose(clay, scene.squash, scene.material, **posing), method)
+        return minimize(pose(scene.clay, scene.squash, scene.material, **posing), method)
 
     def solve():
         with jax.enable_x64(True):
-            return jax.block_until_ready(fun.whole(*values, method=method))
-
-    return Ready(call, solve)
-
-
-def _adaptive(scene: RandomScene, way: Way) -> Ready:
-    smooth = host.prepared(scene.clay)
-    sides = host.sides_of(scene.squash, smooth)
-    settings = method_settings(way.method, {})
-    values = on_device((smooth, scene.squash, scene.material, way.size, settings))
-    kinks, sizes = host.rooms(smooth, sides)
-    fixed = {"degree": way.degree, "sides": sides, "kinks": kinks, "differentiable": False}
-
-    def call() -> Solution:
-        return deform(
-            scene.clay, scene.squash, scene.material, tolerance=way.size, degree=way.degree
-        )
-
-    def solve():
-        with jax.enable_x64(True):
-            for spans in sizes:
-                answer = host._adapted.whole(*values, spans=spans, **fixed)
-                if not jax.block_until_ready(answer).full:
-                    return answer
-        return answer
+            return jax.block_until_ready(run())
 
     return Ready(call, solve)
 

@@ -112,7 +112,7 @@ def _greedy_only(whole: Experiment) -> Experiment:
     named = [method for method in whole.methods if method.name == METHOD]
     if not named:
         raise ValueError(f'agreement is of greedy-refined: add [[methods]] name = "{METHOD}"')
-    changes = {"methods": named, "kind": "throughput", "tolerances": Values(())}
+    changes = {"methods": named, "kind": "throughput", "elements": Values(())}
     return whole.model_copy(update=changes)
 
 

@@ -51,7 +51,7 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
         yield (
             "work-precision" + ("-contour" if error == CONTOUR else ""),
             f"Work and precision: {ERRORS[error]} against time. A point is "
-            + ("a setting of the method" if error == GAP else "a number of slices or a tolerance")
+            + ("a setting of the method" if error == GAP else "a number of slices or of spans")
             + f", at the medians over the scenes; bars, and bands where times rise from point to "
             f"point, hold {_BAND} of them. Down and left is better. {left_out}",
             _panels(known, _GRIDS if error == GAP else ["units"], panels.work_precision(error)),

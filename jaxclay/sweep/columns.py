@@ -29,7 +29,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "band_ratio": (_REAL, "tool's radius over the piece's own at mid-band"),
     "scheme": (_TEXT, '"paper", "slices" (equal on each side of the band) or "spline"'),
     "slices": (_WHOLE, "0 for splines"),
-    "tolerance": (_REAL, "of the contour over l, for splines; 0 for slices"),
+    "elements": (_WHOLE, "spans on each side of the band, for splines; 0 for slices"),
     "method": (_TEXT, "a key of jaxclay.METHODS"),
     "settings": (_TEXT, "of the method, where not its defaults"),
     "status": (_TEXT, 'how the solve ended, or "skipped"'),
@@ -43,19 +43,16 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "energy_free": (_REAL, "E_free, the terms that touch what is free, no unit"),
     "gap": (
         _REAL,
-        "energy - energy_minimum, no unit; missing where none is certified; for splines what "
-        "their mesh lacks is in it",
+        "energy - energy_minimum, no unit; missing where none is certified",
     ),
     "gap_relative": (_REAL, "gap over energy_free"),
     "contour_error": (_REAL, "distance to the reference's contour, over l"),
     "contour_error_continuum": (
         _REAL,
-        "distance to the continuum's minimum, by splines ten times finer than the least tolerance, "
-        "over l",
+        "distance to the continuum's minimum, by 1024 placed slices of second order, over l",
     ),
-    "error_estimate": (_REAL, "the spline's own estimate of its contour error, over l"),
     "reference": (_TEXT, 'whose certified minimum the gap is from, or "none certified"'),
-    "iterations": (_WHOLE, "of the method; on the last mesh for splines"),
+    "iterations": (_WHOLE, "of the method"),
     "unknowns": (_WHOLE, "free heights or coefficients"),
     "decrement": (_REAL, "most energy the local model can still gain, no unit"),
     "step": (_REAL, "largest move to the local model's minimum, over l"),

@@ -22,8 +22,8 @@ _SECONDS = {
 }
 _SPLINE = 5e-3
 _AROUND = 5e-3  # posing, the reference and the judge
-_TRUTH = 0.3  # the continuum's minimum, where there is a tolerance, and distances to it
-_COMPILING, _COMPILING_SPLINE, _COMPILING_TRUTH = 5.0, 25.0, 50.0  # seconds for each shape
+_REFERENCE = 0.3  # the continuum's minimum, where that is asked for, and distances to it
+_COMPILING, _COMPILING_SPLINE, _COMPILING_REFERENCE = 5.0, 15.0, 15.0  # seconds for each shape
 _RUNS = 10  # of a timed task, about
 _SAVE_EVERY = 10.0  # seconds of work that a kill may cost
 _MOST = 256  # tasks in a batch
@@ -36,7 +36,7 @@ def seconds_of(task: Task, known: dict[tuple, float]) -> float:
         at_64, power = _SECONDS[task.method]
         solve = at_64 * (task.slices / 64) ** power if task.slices else _SPLINE
     runs = _RUNS + len(task.stops) * _RUNS / 2 if task.kind == "timing" else 1
-    return solve * runs + _AROUND + (_TRUTH if task.truth else 0.0)
+    return solve * runs + _AROUND + (_REFERENCE if task.reference else 0.0)
 
 
 def batch_sizes(todo: list[Task], known: dict[tuple, float], workers: int) -> dict[tuple, int]:
@@ -57,6 +57,6 @@ def total_seconds(todo: list[Task], known: dict[tuple, float], workers: int) -> 
     compiling = sum(
         _COMPILING_SPLINE if scheme == "spline" else _COMPILING for scheme, *_ in shapes
     )
-    if any(task.truth for task in todo):
-        compiling += _COMPILING_TRUTH
+    if any(task.reference for task in todo):
+        compiling += _COMPILING_REFERENCE
     return solving / workers + compiling

@@ -21,7 +21,7 @@ _MAY_MISS = {
     "floored": "boolean",
     "positive": "boolean",
 }
-_LABELS = ("key", "kind", "scene", "number", "units", "scheme", "slices", "tolerance", "method",
+_LABELS = ("key", "kind", "scene", "number", "units", "scheme", "slices", "elements", "method",
            "settings")  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def table(folder: str | Path) -> pd.DataFrame:
         "method",
         "settings",
         "slices",
-        "tolerance",
+        "elements",
         "scene",
         "number",
         "key",

@@ -39,12 +39,12 @@ def series_style(series: str) -> dict:
     if series != "spline":
         return style(series)
     black = {"color": COLOURS[6], "linestyle": "--", "marker": "*"}
-    return {"label": "spline, to a tolerance", "markersize": 7, "linewidth": 1.3} | black
+    return {"label": "splines of degree 5", "markersize": 7, "linewidth": 1.3} | black
 
 
 def work_precision(error: str) -> Draw:
     """Errors against time: medians and bands, a rung for each setting or each size."""
-    by = ["settings"] if error == GAP else ["slices", "tolerance"]
+    by = ["settings"] if error == GAP else ["slices", "elements"]
 
     def draw(ax: Axes, rows: pd.DataFrame) -> None:
         for series, part in groups(rows, "series"):

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
+from typing import Any
 
 from jaxclay.clay import Clay, Material
-from jaxclay.contour import contour_error
 from jaxclay.minimize import Solution, deform, minimize
+from jaxclay.posing import pose
 from jaxclay.problem import Problem
-from jaxclay.smooth_clay import SmoothClay
 from jaxclay.squash import Squash
 from jaxclay.sweep.batched import minimized
 from jaxclay.sweep.recipe import Recipe
 
-_FINE = 512  # slices from which a profile becomes a function
-_EARLIER = 1e-5  # tolerance of the squashes before the last
-_GOOD_ENOUGH = 10.0  # error estimate of a reference over the tolerance it was asked for
+_FINE = 512  # slices of the clay that splines start from, and of its earlier squashes
 _KEPT = 1024
-REFEREE = "lbfgs-preconditioned"  # of newton, on both schemes
-_SAME = 1e-8  # of E_free: energies of the same minimum
+REFEREE = "lbfgs-preconditioned"  # of newton, on all schemes
 
 
 def referee(method: str) -> str:
@@ -60,8 +56,8 @@ def certified_minima(wanted: list[Posed], method: str) -> list[Solution | None]:
     return [answer if answer and bool(answer.certificate.accepted) else None for answer in found]
 
 
-def function_of(recipe: Recipe) -> tuple[Clay | SmoothClay, Squash, Material]:
-    """The last squash as :func:`jaxclay.deform` takes it for splines: clay, squash, material.
+def _last(recipe: Recipe, slices: int) -> tuple[Clay, Squash, Material]:
+    """The last squash and the clay before it, earlier ones solved on so many placed slices.
 
     Raises
     ------
@@ -69,39 +65,30 @@ def function_of(recipe: Recipe) -> tuple[Clay | SmoothClay, Squash, Material]:
         Why an earlier squash could not be solved.
     """
     scene = recipe.scene()
-    clay, material = scene.clay(_FINE), scene.material(recipe.units)
+    clay, material = scene.clay(slices), scene.material(recipe.units)
     for squash in scene.squashes[:-1]:
-        clay = deform(clay, squash, material, tolerance=_EARLIER).raise_for_status().clay
+        clay = deform(clay, squash, material).raise_for_status().clay
     return clay, scene.squashes[-1], material
 
 
-class Truth(NamedTuple):
-    """The continuum's minimum, and whose it is, in words."""
-
-    answer: Solution
-    judge: str
+@functools.lru_cache(maxsize=_KEPT)
+def on_spans(recipe: Recipe, elements: int) -> Any:
+    """The last squash posed on splines; raises as :func:`posed`."""
+    return pose(*_last(recipe, _FINE), "spline", elements=elements)
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def true_minimum(recipe: Recipe, tolerance: float) -> Truth | None:
-    """The continuum's minimum by splines to ``tolerance``; None where it is not certified.
+def minimum_on_spans(recipe: Recipe, elements: int, method: str) -> Solution | None:
+    """The referee's answer on the same splines; None where it is not certified."""
+    answer = minimize(on_spans(recipe, elements), referee(method))
+    return answer if bool(answer.certificate.accepted) else None
 
-    Newton finds the mesh, another method the minimum on it, from a cold start.  Where that one
-    stalls beside newton's, which the certificate accepts, it confirms newton's.
-    """
+
+@functools.lru_cache(maxsize=_KEPT)
+def continuum(recipe: Recipe, slices: int) -> Clay | None:
+    """What stands for the continuum's minimum: newton's on placed slices; None if not certified."""
     try:
-        mesh = deform(*function_of(recipe), tolerance=tolerance)
+        answer = deform(*_last(recipe, slices))
     except (ValueError, RuntimeError):
         return None
-    estimate = mesh.error_estimate
-    if estimate is None or float(estimate) > _GOOD_ENOUGH * tolerance:
-        return None
-    other = minimize(mesh.problem, REFEREE)
-    if bool(other.certificate.accepted):
-        return Truth(other, f"{REFEREE} on splines to {tolerance:g}")
-    apart = abs(float(other.energy) - float(mesh.energy))
-    same = apart <= _SAME * float(mesh.certificate.energy_free)
-    same = same and contour_error(other.clay, mesh.clay) <= tolerance
-    if same and bool(mesh.certificate.accepted):
-        return Truth(mesh, f"newton on splines to {tolerance:g}, confirmed by {REFEREE}")
-    return None
+    return answer.clay if bool(answer.certificate.accepted) else None

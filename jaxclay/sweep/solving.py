@@ -9,18 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from jaxclay.clay import Clay
 from jaxclay.compare import rows
 from jaxclay.compare.rows import Row
-from jaxclay.minimize import Solution, deform
-from jaxclay.smooth_clay import SmoothClay
+from jaxclay.minimize import Solution, minimize
 from jaxclay.sweep.batched import minimized
-from jaxclay.sweep.references import certified_minima, function_of, posed, referee, true_minimum
+from jaxclay.sweep.references import (
+    certified_minima,
+    continuum,
+    minimum_on_spans,
+    on_spans,
+    posed,
+    referee,
+)
 from jaxclay.sweep.tasks import Task
-from jaxclay.sweep.timing import Times, timed_function, timed_slices
+from jaxclay.sweep.timing import Times, timed_slices, timed_spans
 from jaxclay.sweep.where import where
 
-_CONTOUR_POINTS = 129  # of a function's contour, at equal steps of u
 _NONE = "none certified"
 _NOT_TIMED = Times()
 
@@ -31,7 +35,7 @@ def solve(batch: list[Task]) -> list[Row]:
     if timing:
         found = [_timed(task) for task in batch]
     else:
-        found = [_function(task) for task in batch] if splines else _slices(batch)
+        found = [_spans(task) for task in batch] if splines else _slices(batch)
     here, now = where(), datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return [
         _inputs(task) | row | here | {"finished": now}
@@ -62,24 +66,24 @@ def _slices(batch: list[Task]) -> list[Row]:
     return [results[i] for i in range(len(batch))]
 
 
-def _function(task: Task) -> Row:
-    """Splines to a tolerance: their meshes differ, so that each is a call of its own."""
+def _spans(task: Task) -> Row:
+    """Splines, each a call of its own."""
     try:
-        clay, squash, material = function_of(task.recipe)
-        begin = time.perf_counter()
-        answer = deform(clay, squash, material, tolerance=task.tolerance)
-        times = Times(solve_s=time.perf_counter() - begin, repeats=1, batch=1)
+        problem = on_spans(task.recipe, task.elements)
     except (ValueError, RuntimeError) as error:
         return _skipped(error)
-    return _of_splines(task, answer, times)
+    begin = time.perf_counter()
+    answer = minimize(problem, task.method)
+    times = Times(solve_s=time.perf_counter() - begin, repeats=1, batch=1)
+    return _of_spans(task, answer, times)
 
 
 def _timed(task: Task) -> Row:
     """A task alone, repeated; compiling apart."""
     try:
         if task.scheme == "spline":
-            answer, times = timed_function(task, *function_of(task.recipe))
-            return _of_splines(task, answer, times)
+            problem = on_spans(task.recipe, task.elements)
+            return _of_spans(task, *timed_spans(task, problem))
         (minimum,) = certified_minima([(task.recipe, task.slices, task.scheme)], task.method)
         answer, times = timed_slices(task, posed(task.recipe, task.slices, task.scheme))
     except (ValueError, RuntimeError) as error:
@@ -87,36 +91,24 @@ def _timed(task: Task) -> Row:
     return _judged(task, answer, minimum, referee(task.method), times)
 
 
-def _of_splines(task: Task, answer: Solution, times: Times) -> Row:
-    truth = true_minimum(task.recipe, task.truth)
-    minimum, judge = truth or (None, _NONE)
-    return _judged(task, answer, minimum, judge, times)
+def _of_spans(task: Task, answer: Solution, times: Times) -> Row:
+    minimum = minimum_on_spans(task.recipe, task.elements, task.method)
+    return _judged(task, answer, minimum, referee(task.method), times)
 
 
 def _judged(
     task: Task, answer: Solution, minimum: Solution | None, judge: str, times: Times
 ) -> Row:
     row = rows.judged(answer, minimum)
-    truth = true_minimum(task.recipe, task.truth) if task.truth else None
-    contour = _contour(answer.clay)
-    estimate = answer.error_estimate
+    true = continuum(task.recipe, task.reference) if task.reference else None
+    heights = np.asarray(answer.clay.heights)
     return row | times._asdict() | {
         "reference": _NONE if minimum is None else judge,
         "energy_start": math.nan if task.scheme == "spline" else rows.start_energy(answer),
-        "contour_error_continuum": rows.distance(answer.clay, truth and truth.answer.clay),
-        "error_estimate": math.nan if estimate is None else float(estimate),
-        "contour_height": contour[0],
-        "contour_radius": contour[1],
+        "contour_error_continuum": rows.distance(answer.clay, true),
+        "contour_height": (heights[:-1] + heights[1:]) / 2,
+        "contour_radius": np.asarray(answer.clay.radii),
     }  # fmt: skip
-
-
-def _contour(clay: Clay | SmoothClay) -> tuple[np.ndarray, np.ndarray]:
-    """Heights and radii of the contour, from bottom to top, in the clay's length unit."""
-    if isinstance(clay, Clay):
-        heights = np.asarray(clay.heights)
-        return (heights[:-1] + heights[1:]) / 2, np.asarray(clay.radii)
-    y, y_u, *_ = clay.derivatives(np.linspace(0.0, 1.0, _CONTOUR_POINTS))
-    return np.asarray(y), float(clay.r0) / np.sqrt(np.asarray(y_u))
 
 
 def _skipped(error: Exception) -> Row:
@@ -134,7 +126,7 @@ def _inputs(task: Task) -> Row:
         "key": task.key, "kind": task.kind, "scene": recipe.name, "recipe": recipe.key,
         "number": recipe.number,
         "source": recipe.source, "units": recipe.units, "scheme": task.scheme,
-        "slices": task.slices, "tolerance": task.tolerance, "method": task.method,
+        "slices": task.slices, "elements": task.elements, "method": task.method,
         "settings": task.chosen,
     }  # fmt: skip
     for name in ("radius", "height", "k", "mu", "alpha", "beta"):

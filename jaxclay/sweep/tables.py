@@ -170,11 +170,12 @@ class MethodTable(Table):
         if self.stops and any(len(values.entries) > 1 for values in self.settings.values()):
             message = "beside several settings: take a table of [[methods]] for each"
             raise MistakeAt(("stops",), message)
-        if "spline" in self.schemes and self.name != "newton":
-            message = f'{self.name} works to no tolerance: scheme "spline" takes newton'
+        if "spline" in self.schemes and not METHODS[self.name].splines:
+            able = ", ".join(name for name, method in METHODS.items() if method.splines)
+            message = f'{self.name} moves nodes: scheme "spline" takes {able}'
             raise MistakeAt(("schemes",), message)
         if "spline" in self.schemes and (self.settings or self.stops):
-            message = 'scheme "spline" takes tolerances, no settings and no stops'
+            message = 'scheme "spline" takes elements, no settings and no stops'
             raise MistakeAt(("settings" if self.settings else "stops",), message)
         return self
 
@@ -197,8 +198,8 @@ class Experiment(Table):
         Of everything that is drawn.
     slices : numbers
         Of the schemes "paper" and "slices" (equal on each side of the band), 8 to 4096.
-    tolerances : numbers
-        Of the contour over l, for the scheme "spline".
+    elements : numbers
+        Spans on each side of the band, for the scheme "spline", 1 to 1024.
     repeats : int
         Timed runs of each task, for "timing"; more of short ones.
     scenes, methods : lists of tables
@@ -209,7 +210,7 @@ class Experiment(Table):
     kind: Kind
     seed: Annotated[int, Field(ge=0)] = 0
     slices: whole_numbers(8, 4096) = Values((64,))  # type: ignore[valid-type]
-    tolerances: numbers(1e-9, 0.1) = Values(())  # type: ignore[valid-type]
+    elements: whole_numbers(1, 1024) = Values(())  # type: ignore[valid-type]
     repeats: Annotated[int, Field(ge=1, le=1000)] = 5
     scenes: Annotated[list[ScenesTable], Field(min_length=1)]
     methods: Annotated[list[MethodTable], Field(min_length=1)]
@@ -219,15 +220,12 @@ class Experiment(Table):
     def _checked(self) -> Experiment:
         splines = [j for j, method in enumerate(self.methods) if "spline" in method.schemes]
         stopped = [j for j, method in enumerate(self.methods) if method.stops]
-        if splines and not self.tolerances.entries:
-            message = 'scheme "spline" without tolerances: give tolerances = [1e-4]'
+        if splines and not self.elements.entries:
+            message = 'scheme "spline" without elements: give elements = [8]'
             raise MistakeAt(("methods", splines[0], "schemes"), message)
-        if self.tolerances.entries and not splines:
+        if self.elements.entries and not splines:
             message = 'without a method of scheme "spline": nothing takes them'
-            raise MistakeAt(("tolerances",), message)
-        if self.tolerances.random:
-            message = "cannot be drawn at random: give a list or a range"
-            raise MistakeAt(("tolerances",), message)
+            raise MistakeAt(("elements",), message)
         if self.kind == "throughput" and "repeats" in self.model_fields_set:
             message = 'repeats belong to kind = "timing": throughput runs once'
             raise MistakeAt(("repeats",), message)

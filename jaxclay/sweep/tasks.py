@@ -17,7 +17,7 @@ from jaxclay.sweep.recipe import Recipe, recipes
 from jaxclay.sweep.tables import Experiment, MethodTable
 
 DTYPE = "float64"
-_REFERENCE = 0.1  # tolerance of the reference splines over the least one that is asked for
+_REFERENCE = 1024  # placed slices of the answers that stand for the continuum
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,16 +32,16 @@ class Task:
     scheme, method : str
     slices : int
         0 for splines.
-    tolerance : float
-        Of splines, over l; 0 for slices.
+    elements : int
+        Spans on each side of the band, for splines; 0 for slices.
     settings : tuple of (name, value)
         The method's; what is not here has its default.
     stops : tuple of int
         Iterations after which runs are ended, for the trace of the energy.
     repeats : int
         Timed runs.
-    truth : float
-        Tolerance of the splines that contours are compared with as well; 0 for none.
+    reference : int
+        Placed slices of the answer that contours are compared with as well; 0 for none.
     """
 
     recipe: Recipe
@@ -49,16 +49,16 @@ class Task:
     scheme: str
     method: str
     slices: int
-    tolerance: float
+    elements: int
     settings: tuple[tuple[str, float], ...]
     stops: tuple[int, ...]
     repeats: int
-    truth: float
+    reference: int
 
     @property
     def shape(self) -> tuple[str, str, int]:
         """What one compiled call serves."""
-        return self.scheme, self.method, self.slices
+        return self.scheme, self.method, self.slices or self.elements
 
     @functools.cached_property
     def key(self) -> str:
@@ -75,7 +75,7 @@ class Task:
     def described(self) -> str:
         """The task in a few words."""
         kind = "second-order slices" if self.scheme == "slices" else "slices"
-        size = f"{self.slices} {kind}" if self.slices else f"to {self.tolerance:g}"
+        size = f"{self.slices} {kind}" if self.slices else f"{self.elements} spans"
         r = self.recipe
         with_settings = f" {self.chosen}" if self.chosen else ""
         return f"{r.name} {r.number} ({r.units}, {size}): {self.method}{with_settings}"
@@ -100,30 +100,29 @@ def device() -> str:
 
 def tasks(experiment: Experiment) -> list[Task]:
     """Every task of the experiment once, those of one shape together."""
-    tolerances = experiment.tolerances.fixed()
-    truth = max(_REFERENCE * min(tolerances), 1e-9) if tolerances else 0.0
+    reference = _REFERENCE if experiment.elements.entries else 0
     timing = experiment.kind == "timing"
     found = [
         Task(
-            recipe, experiment.kind, scheme, method.name, slices, tolerance, settings,
+            recipe, experiment.kind, scheme, method.name, slices, elements, settings,
             tuple(int(stop) for stop in method.stops.fixed()) if method.stops else (),
-            experiment.repeats if timing else 1, truth,
+            experiment.repeats if timing else 1, reference,
         )
         for recipe in recipes(experiment)
         for method in experiment.methods
-        for scheme, slices, tolerance in _sizes(experiment, method)
+        for scheme, slices, elements in _sizes(experiment, method)
         for settings in _settings(method)
     ]  # fmt: skip
     once = {task.key: task for task in found}
     return sorted(once.values(), key=lambda task: task.shape)
 
 
-def _sizes(experiment: Experiment, method: MethodTable) -> Iterator[tuple[str, int, float]]:
+def _sizes(experiment: Experiment, method: MethodTable) -> Iterator[tuple[str, int, int]]:
     for scheme in method.schemes:
         if scheme != "spline":
-            yield from ((scheme, int(n), 0.0) for n in experiment.slices.fixed())
+            yield from ((scheme, int(n), 0) for n in experiment.slices.fixed())
         else:
-            yield from (("spline", 0, tolerance) for tolerance in experiment.tolerances.fixed())
+            yield from (("spline", 0, int(count)) for count in experiment.elements.fixed())
 
 
 def _settings(method: MethodTable) -> Iterable[tuple[tuple[str, float], ...]]:

@@ -11,14 +11,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from jaxclay.compare.clock import Clock
-from jaxclay.compare.population import RandomScene
-from jaxclay.compare.solves import Way, prepared
-from jaxclay.conversion import as_smooth
-from jaxclay.minimize import Solution
+from jaxclay.compare.solves import on_device, spans
+from jaxclay.methods.choice import spline_settings
+from jaxclay.minimize import Solution, minimize
 from jaxclay.problem import Problem
+from jaxclay.schemes.spline.problem import SplineProblem
+from jaxclay.schemes.spline.solve import begin_from
 from jaxclay.scm import rough_shape
 from jaxclay.sweep.tasks import Task
 
@@ -63,20 +65,22 @@ def timed_slices(task: Task, problem: Problem) -> tuple[Solution, Times]:
     )
 
 
-def timed_function(task: Task, clay, squash, material) -> tuple[Solution, Times]:
-    """The same by splines to a tolerance."""
-    smooth = clay if hasattr(clay, "breaks") else as_smooth(clay)
-    scene = RandomScene(0, smooth, squash, material, False, False)
-    ready = prepared(scene, Way("spline", task.method, 5, True, task.tolerance))
-    answer = ready.call()
-    begin = time.perf_counter()
-    ready.solve()
-    first = time.perf_counter() - begin
-    times = np.array([_seconds(ready.solve) for _ in range(task.repeats)])
-    return answer, Times(
-        solve_s=float(np.median(times)), solve_s_least=float(times.min()),
-        solve_s_most=float(times.max()), compile_s=max(first - float(np.median(times)), 0.0),
-        repeats=len(times), batch=1,
+def timed_spans(task: Task, problem: SplineProblem) -> tuple[Solution, Times]:
+    """The same on splines, without stops."""
+    settings = on_device(spline_settings(task.method, {}))
+    values = on_device((problem, begin_from(problem, None)))
+
+    def solve() -> float:
+        begin = time.perf_counter()
+        with jax.enable_x64(True):
+            jax.block_until_ready(spans(values, settings, task.method))
+        return time.perf_counter() - begin
+
+    first, *others = (solve() for _ in range(task.repeats + 1))
+    median = float(np.median(others))
+    return minimize(problem, task.method), Times(
+        solve_s=median, solve_s_least=min(others), solve_s_most=max(others),
+        compile_s=max(first - median, 0.0), repeats=len(others), batch=1,
     )  # fmt: skip
 
 
@@ -84,12 +88,6 @@ def timed_function(task: Task, clay, squash, material) -> tuple[Solution, Times]
 def _clock(repeats: int) -> Clock:
     """One for a whole process, which so compiles each method once a grid."""
     return Clock(repeats)
-
-
-def _seconds(call) -> float:
-    begin = time.perf_counter()
-    call()
-    return time.perf_counter() - begin
 
 
 @contextlib.contextmanager

@@ -1,8 +1,7 @@
-"""Scheme "spline": the displacement from the rest shape as a B-spline in u.
+"""Scheme "spline": the displacement from the rest shape as a B-spline in u, on equal spans.
 
-A dozen coefficients do what takes the paper's scheme thousands of slices: the
-radius follows from Y_u exactly, and the energy's densities are integrated by
-Gauss points.  ``bspline`` and ``mesh`` know splines, ``space`` what the energy
-samples of them, ``problem`` and ``pose`` a squash, ``solve`` a mesh, ``estimate``
-its error, ``adapt`` how to get below a tolerance, ``shape`` the clay at the end.
+A check from elsewhere than slices: the radius follows from Y_u exactly, and the energy's densities
+are integrated by Gauss points.  ``bspline`` and ``mesh`` know splines, ``space`` what the energy
+samples of them, ``problem`` and ``pose`` a squash, ``solve`` finds the minimum and the clay that
+it describes, ``judge`` certifies it, ``sensitivity`` differentiates it.
 """

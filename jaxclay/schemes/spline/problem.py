@@ -3,51 +3,40 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import _repr, banded, bernstein
+from jaxclay import _repr, banded
 from jaxclay._host import pytree
 from jaxclay.band import Band, Tool
 from jaxclay.banded import Factor, Model
-from jaxclay.clay import Array, Material
+from jaxclay.clay import Array, Clay, Material
 from jaxclay.energy import Terms, integrate, integrate_smooth
+from jaxclay.interpolation import Interpolant
+from jaxclay.problem import Problem
 from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.space import Point, Space, gauss_newton, sample, seeds
 from jaxclay.scm import RoughShape
-from jaxclay.smooth_clay import SmoothClay
-
-
-class Rest(NamedTuple):
-    """The shape before the squash, lengths over the unit l; see :class:`SmoothClay`."""
-
-    breaks: Array
-    control: Array
-    r0: Array
 
 
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class SplineProblem:
-    """A squash posed on a clay that is a function (eq. 9); lengths inside are over the unit l.
+    """A squash posed on splines (eq. 9); lengths inside are over the unit l.
 
     Attributes
     ----------
-    clay : SmoothClay
-        The shape before the squash, in its own length unit.
-    rest : Rest
-        The same over l.
-    tool : Tool
-    material : Material
-    band : Band
-        The material that the tool holds.
+    sliced : Problem
+        The same squash on second-order slices, at whose nodes the answer becomes a clay.
+    rest : Interpolant
+        The shape before the squash, Y0(u) over l.
     space : Space
         The splines for the displacement of the free clay.
     fixed : (N,) bool array
-        Coefficients that are prescribed, or belong to no span.
+        Coefficients that are prescribed, and all of a side without clay.
     shift : (N,) array
         Their values, 0 at the others.
     slopes : (S * 4, 3) array
@@ -58,11 +47,8 @@ class SplineProblem:
         What the sliced cylinder model says of the squash.
     """
 
-    clay: SmoothClay
-    rest: Rest
-    tool: Tool
-    material: Material
-    band: Band
+    sliced: Problem
+    rest: Interpolant
     space: Space
     fixed: Array
     shift: Array
@@ -74,6 +60,36 @@ class SplineProblem:
         free = _repr.free(self.fixed)
         head = f'Problem on scheme "spline": {free} coefficients free'
         return _repr.lines(head, *_repr.asked(self.tool, self.material))
+
+    @property
+    def clay(self) -> Clay:
+        """The shape before the squash, in its own length unit, on the nodes of the answer."""
+        return self.sliced.clay
+
+    @property
+    def before(self) -> Clay | None:
+        """The clay as it was given; not there inside transformations."""
+        return self.sliced.before
+
+    @property
+    def tool(self) -> Tool:
+        """The squash."""
+        return self.sliced.tool
+
+    @property
+    def material(self) -> Material:
+        """Constants of the energy."""
+        return self.sliced.material
+
+    @property
+    def band(self) -> Band:
+        """The material that the tool holds."""
+        return self.sliced.band
+
+    @property
+    def r0(self) -> Array:
+        """sqrt(volume / pi), over l^(3/2)."""
+        return self.sliced.rest.r0
 
     @property
     def free(self) -> Array:
@@ -177,7 +193,7 @@ class SplineProblem:
 
     def _samples(self, slopes: Array):
         weight = self.space.weight
-        return sample(weight, self.rest_thickness, self.rest.r0, slopes)
+        return sample(weight, self.rest_thickness, self.r0, slopes)
 
     def smooth_model(self, point: Point) -> Model:
         """Value and gradient of E_free without friction; its Hessian by the slopes, (S*4, 3, 3)."""
@@ -206,7 +222,7 @@ class SplineProblem:
         added everywhere.
         """
         if gauss is not None:
-            own = self.space.weight, self.rest_thickness, self.rest.r0, point.slopes, self.material
+            own = self.space.weight, self.rest_thickness, self.r0, point.slopes, self.material
             matrix = jax.lax.cond(gauss, lambda: gauss_newton(*own), lambda: matrix)
         corner = jnp.zeros((3, 3)).at[0, 0].set(1.0)
         bands = self.space.stiffness(matrix + floor[:, None, None] * corner, friction)
@@ -234,21 +250,19 @@ class SplineProblem:
 
         Clay up to a free end is moved as one.
         """
-        band, (breaks, control, _) = self.band, self.rest
-        knots, degree = self.space.knots, self.space.degree
-        start, stop = knots[: self.fixed.shape[0]], knots[degree + 1 :]
-        below, index = stop <= band.lower, jnp.arange(self.fixed.shape[0])
-        share = jnp.where(below, 0.0, band.upper - band.lower)
-        u = jnp.mean(bspline.inner_knots(knots, degree), axis=0) + share
-        ends = jnp.stack([band.lower, band.upper, jnp.ones(())])
-        height = bernstein.evaluate(breaks, control, u, 1)[0]
-        lower, upper, top = bernstein.evaluate(breaks, control, ends, 1)[0]
+        rest, degree, elements = self.rest, self.space.degree, self.space.spans // 2
+        start, end = self.space.left[::elements], self.space.length[::elements] * elements
+        u = start[:, None] + end[:, None] * bspline.greville(degree, elements)
+        height = rest.height(jnp.minimum(u, 1.0))
+        ends = jnp.stack([self.band.lower, self.band.upper, jnp.ones(())])
+        lower, upper, top = rest.height(ends)
         # What the band prescribes of each side's last coefficient is carried on.
-        after = jnp.argmax(jnp.where(below & self.free, index, -1)) + 1
-        before = jnp.argmin(jnp.where(~below & self.free, index, index.shape[0])) - 1
-        above = jnp.where(self.tool.top_fixed, (top - height) / (top - upper), 1.0)
-        squeezed = jnp.where(below, self.shift[after] * height / lower, self.shift[before] * above)
-        return jnp.where(self.fixed | (start == stop), self.shift, squeezed)
+        shift, free = self.shift.reshape(2, -1), self.free.reshape(2, -1)
+        below = shift[0, jnp.sum(jnp.cumsum(free[0][::-1]) > 0)] * height[0] / lower
+        share = jnp.where(self.tool.top_fixed, (top - height[1]) / (top - upper), 1.0)
+        above = shift[1, jnp.argmax(free[1]) - 1] * share
+        squeezed = jnp.concatenate([below, above])
+        return jnp.where(self.fixed, self.shift, squeezed)
 
     def sent_home(self, point: Point, rests: Array) -> Point:
         """The point without the coefficients in whose support all clay rests."""
@@ -260,8 +274,4 @@ class SplineProblem:
 
     def room(self) -> tuple[Array, Array]:
         """Length that a held upper end leaves above the band, and the least that the clay needs."""
-        rest, band = self.rest, self.band
-        edge, top = bernstein.evaluate(*rest[:2], jnp.stack([band.upper, jnp.ones(())]), 1)[0]
-        return (top - self.tool.top) * self.clay.unit, (
-            self.material.floor * (top - edge) * self.clay.unit
-        )
+        return self.sliced.room()

@@ -23,6 +23,7 @@ from jaxclay.schemes.spline import bspline
 
 GAUSS = 4  # points a span
 _FRICTION = 3  # points in each of a span's two cells
+_CUTS = 40  # of a span, for the place where w changes its sign
 
 
 class Point(NamedTuple):
@@ -53,10 +54,8 @@ class Space(NamedTuple):
 
     Attributes
     ----------
-    knots : (S + 2p + 1,) array
-        In v.
-    extraction : (S, p+1, p+1) array
-        From each span's coefficients to its Bernstein coefficients.
+    left, length : (S,) arrays
+        Lower ends of the spans, material coordinates, and lengths, those below the band first.
     slopes : (S, 4, 3, p+1) array
         Derivatives 1 to 3 of each span's basis at its Gauss points.
     values : (S, 6, p+1) array
@@ -64,17 +63,14 @@ class Space(NamedTuple):
     weight : (S * 4,) array
     friction_weight : (S * 6,) array
         Zero in spans without length.
-    places : (S, 4) array
-        Where the Gauss points are, in v.
     """
 
-    knots: Array
-    extraction: Array
+    left: Array
+    length: Array
     slopes: Array
     values: Array
     weight: Array
     friction_weight: Array
-    places: Array
 
     @property
     def degree(self) -> int:
@@ -96,6 +92,34 @@ class Space(NamedTuple):
         local = bspline.local(coefficients, self.degree)
         return jnp.einsum("sga,sa->sg", self.values, local).reshape(-1)
 
+    def at(self, coefficients: Array, u: Array) -> Array:
+        """(m,) w at material coordinates (m,) outside the band."""
+        span = jnp.searchsorted(self.left, u, side="right") - 1
+        s = (u - self.left[span]) / jnp.where(self.length > 0, self.length, 1.0)[span]
+        control = self._control(coefficients)[span]
+        return jnp.sum(bspline.bernstein(self.degree, jnp.clip(s, 0.0, 1.0), 0) * control, axis=-1)
+
+    def _control(self, coefficients: Array) -> Array:
+        """(S, p+1) Bernstein coefficients of w on each span."""
+        extraction = bspline.extraction(self.degree, self.spans // 2)
+        return jnp.einsum("sja,sa->sj", extraction, bspline.local(coefficients, self.degree))
+
+    def crossings(self, coefficients: Array) -> Array:
+        """(S,) where in each span, from 0 to 1, w changes its sign; one half where it does not."""
+        control = self._control(coefficients)
+        turns = (control[:, 0] * control[:, -1] < 0) & (self.length > 0)
+
+        def cut(_, bounds):
+            low, high = bounds
+            s = (low + high) / 2
+            there = jnp.sum(bspline.bernstein(self.degree, s, 0) * control, axis=1)
+            same = there * control[:, 0] > 0
+            return jnp.where(same, s, low), jnp.where(same, high, s)
+
+        none = jnp.zeros_like(control[:, 0])
+        low, high = jax.lax.fori_loop(0, _CUTS, cut, (none, none + 1))
+        return jnp.where(turns, jnp.clip((low + high) / 2, 0.02, 0.98), 0.5)
+
     def from_slopes(self, forces: Array) -> Array:
         """(N,) what forces (S * 4, 3) on the slopes do to the coefficients."""
         forces = forces.reshape(self.spans, GAUSS, 3)
@@ -116,26 +140,20 @@ class Space(NamedTuple):
         return bspline.gathered_bands(matrices, self.degree)
 
 
-def space(knots: Array, degree: int, breaks: Array) -> Space:
-    """The splines on these knots; friction's cells meet at ``breaks`` (S,), 0 to 1 in each span."""
-    extracted = bspline.extraction(knots, degree)
-    left, length = bspline.spans(knots, degree)
+def space(left: Array, length: Array, degree: int, breaks: Array) -> Space:
+    """The splines on these spans; friction's cells meet at ``breaks`` (S,), 0 to 1 in each."""
     s, weight = bspline.gauss_points(GAUSS)
-    slopes = bspline.basis(extracted, length, degree, jnp.asarray(s), (1, 2, 3))
     f, friction_weight = bspline.gauss_points(_FRICTION)
     cut = breaks[:, None]
     s_friction = jnp.concatenate([cut * f, cut + (1 - cut) * f], axis=1)
-    values = bspline.basis(extracted, length, degree, s_friction, (0,))[:, :, 0]
     cells = jnp.concatenate([cut * friction_weight, (1 - cut) * friction_weight], axis=1)
-    places = left[:, None] + length[:, None] * s
     return Space(
-        knots,
-        extracted,
-        slopes,
-        values,
+        left,
+        length,
+        bspline.basis(length, degree, jnp.asarray(s), (1, 2, 3)),
+        bspline.basis(length, degree, s_friction, (0,))[:, :, 0],
         (length[:, None] * weight).reshape(-1),
         (length[:, None] * cells).reshape(-1),
-        places,
     )
 
 
