@@ -1,4 +1,4 @@
-"""Solving on second-order slices: every method, every status, units, starts, windows, batches."""
+"""Solving on second-order slices: every method, every status, units, starts, batches."""
 
 import jax
 import numpy as np
@@ -141,20 +141,6 @@ def test_new_values_compile_nothing():
     assert log == []
     deform(Clay.cylinder(), MIDDLE, SNAKE, slices=31)
     assert log  # the counter counts
-
-
-@pytest.mark.slow
-def test_a_window_changes_nothing():
-    """A small squash on clay that rests further away, solved in half of it."""
-    squash, material = Squash(0.3, 0.34, 0.47), Material.from_snake_units(mu=3.0)
-    for spacing in ("equal", "placed"):
-        problem = pose(Clay.cylinder(), squash, material, slices=128, spacing=spacing)
-        whole = minimize(problem).raise_for_status()
-        part = minimize(problem, window="auto").raise_for_status()
-        np.testing.assert_allclose(part.heights, whole.heights, rtol=0, atol=1e-9)
-        assert abs(gap(part, whole)) < 1e-9
-        given = minimize(problem, window=(0.2, 0.5)).raise_for_status()
-        assert abs(gap(given, whole)) < 1e-9
 
 
 def test_an_answer_close_by_as_a_start():

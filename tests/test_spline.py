@@ -155,7 +155,6 @@ def test_no_squash_leaves_clay_that_holds_itself_where_it_is():
         ({"slices": "auto"}, "slices must be a whole number of at least 3, got 'auto'"),
         ({"scheme": "cubic"}, "choose from slices, paper, spline"),
         ({"scheme": "spline", "method": "greedy"}, "choose from newton"),
-        ({"scheme": "spline", "window": "auto"}, "window"),
     ],
 )
 def test_bad_settings_get_one_clear_error(arguments, words):
