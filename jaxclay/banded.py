@@ -125,14 +125,14 @@ def substituted(factor: Factor, values: Array) -> Array:
     def row(above, entry):
         below, value = entry
         value = value - below @ above
-        return jnp.append(value, above[:-1]), value
+        return jnp.concatenate([value[None], above[:-1]]), value
 
     none = jnp.zeros_like(factor.below[0])
     return jax.lax.scan(row, none, (factor.below, values), reverse=True)[1]
 
 
 def _shifted(left: Array) -> Array:
-    return jnp.append(left[1:], 0.0)
+    return jnp.concatenate([left[1:], 0 * left[:1]])
 
 
 def solve_exactly(bands: Array, rhs: Array) -> Array:

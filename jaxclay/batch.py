@@ -26,7 +26,9 @@ from jaxclay.squash import Squash, check_fits
 _CAPACITY = 256  # problems of one call
 
 
-def minimize_batch(problems: Sequence[Problem]) -> list[Solution]:
+def minimize_batch(
+    problems: Sequence[Problem], settings: Sequence[NewtonSettings] | None = None
+) -> list[Solution]:
     """Newton's answers to posed problems, those on as many slices in one compiled call.
 
     The call solves one problem after the other, each to its own end, so that nobody waits for a
@@ -36,13 +38,23 @@ def minimize_batch(problems: Sequence[Problem]) -> list[Solution]:
     ----------
     problems : sequence of Problem
         From :func:`jaxclay.pose`, on slices of either scheme.
+    settings : sequence of NewtonSettings, optional
+        Newton's for each problem.
 
     Returns
     -------
     list of Solution
         In the order of the problems, each with its own status.
+
+    Raises
+    ------
+    ValueError
+        Settings for another number of problems.
     """
-    return _solved([Wanted(problem, None) for problem in problems])
+    chosen = [NewtonSettings()] * len(problems) if settings is None else list(settings)
+    if len(chosen) != len(problems):
+        raise ValueError(f"{len(chosen)} settings do not go with {len(problems)} problems")
+    return _solved([Wanted(problem, None) for problem in problems], chosen)
 
 
 def deform_batch(
@@ -95,7 +107,8 @@ def _followed(plans: list[Plan]) -> list[Solution]:
     ends: dict[int, Solution] = {}
     wanted = {i: next(plan) for i, plan in enumerate(plans)}
     while wanted:
-        answers = dict(zip(wanted, _solved(list(wanted.values())), strict=True))
+        settings = [NewtonSettings()] * len(wanted)
+        answers = dict(zip(wanted, _solved(list(wanted.values()), settings), strict=True))
         wanted = {}
         for i, answer in answers.items():
             try:
@@ -105,26 +118,26 @@ def _followed(plans: list[Plan]) -> list[Solution]:
     return [ends[i] for i in range(len(plans))]
 
 
-def _solved(wanted: list[Wanted]) -> list[Solution]:
+def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
     answers: dict[int, Solution] = {}
     sizes = [each.problem.slices for each in wanted]
     for size in dict.fromkeys(sizes):
         same = [i for i, other in enumerate(sizes) if other == size]
         for begin in range(0, len(same), _CAPACITY):
             part = same[begin : begin + _CAPACITY]
-            found = _together([wanted[i] for i in part])
+            found = _together([wanted[i] for i in part], [settings[i] for i in part])
             answers.update(zip(part, found, strict=True))
     return [answers[i] for i in range(len(wanted))]
 
 
-def _together(wanted: list[Wanted]) -> list[Solution]:
+def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
     with as_compiled():
         rows, feasible = [], []
-        for problem, start in wanted:
+        for (problem, start), chosen in zip(wanted, settings, strict=True):
             rough = rough_shape(problem) if start is None else None
             feasible.append(np.asarray(True) if rough is None else rough.feasible)
             begin = cold(problem, start if rough is None else rough.point)
-            rows.append(packed(problem.system, begin, NewtonSettings(), feasible[-1]))
+            rows.append(packed(problem.system, begin, chosen, feasible[-1]))
         if len(rows) == 1:
             found = [in_float64("minimize", program, rows[0])]
         else:

@@ -68,7 +68,7 @@ def certified_newton(
 
 
 def _either(condition: Array, one: Any, other: Any) -> Any:
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), one, other)
+    return jax.tree.map(lambda a, b: jax.lax.select(condition, a, b), one, other)
 
 
 class Packed(NamedTuple):

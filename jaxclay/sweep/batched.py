@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay._host import as_float64, compiled, let_go
+from jaxclay.batch import minimize_batch
 from jaxclay.clay import Array
 from jaxclay.methods.choice import method_settings
 from jaxclay.minimize import Solution, minimize
@@ -29,6 +30,8 @@ def minimized(
     problems: list[Problem], method: str, settings: list[dict[str, float]]
 ) -> list[Solution]:
     """The answers to problems on as many slices each, with the settings of each."""
+    if method == "newton":
+        return minimize_batch(problems, [method_settings(method, one) for one in settings])
     chosen = [_apart(method_settings(method, one)) for one in settings]
     answers: dict[int, Solution] = {}
     for shape in dict.fromkeys(shape for _, shape in chosen):
