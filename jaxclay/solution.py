@@ -187,9 +187,11 @@ class Solution:
         text = f"{self.method}: {self.status}: {_MEANING[self.status]}"
         on_slices = hasattr(self.problem, "slices")
         if self.status is Status.UNRESOLVED and self.error_estimate is not None:
+            error = float(self.error_estimate)
             return (
                 f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
-                f"contour's error is {float(self.error_estimate):.2g}. Ask for a larger tolerance"
+                f"contour's error is {error:.2g}. Ask for a tolerance of {1.1 * error:.2g}, or use "
+                "this clay as it is"
             )
         if self.status is Status.UNRESOLVED and not on_slices:
             return (
@@ -222,17 +224,19 @@ class Solution:
     def __repr__(self) -> str:
         say, code = _repr.figure, _repr.known(self.status_code)
         told = code is not None and code.ndim == 0 and is_concrete(self)
-        terms = [f"{name} {say(value, '.4g')}" for name, value in self.terms._asdict().items()]
         error = self.error_estimate
         within = "" if error is None else f", contour within {say(error, '.2g')} l"
-        return _repr.lines(
+        lines = [
             "Solution by "
             + (self.message if told else f"{self.method}: {_repr.named(self.status_code, _NAMES)}"),
-            f"E_total {say(self.energy)} = {' + '.join(terms)}",
             self.certificate.gain,
             f"{_repr.free(self.problem.fixed)} unknowns, {say(self.iterations)} iterations{within}",
-            f"clay: {_repr.dimensions(self.clay)}",
-        )
+        ]
+        if self.derived is not None or _repr.known(self.point.shift) is not None:
+            terms = [f"{name} {say(value, '.4g')}" for name, value in self.terms._asdict().items()]
+            lines.insert(1, f"E_total {say(self.energy)} = {' + '.join(terms)}")
+            lines.append(f"clay: {_repr.dimensions(self.clay)}")
+        return _repr.lines(*lines)
 
     def _repr_html_(self) -> str:
         from jaxclay._html import solution_html

@@ -21,6 +21,7 @@ from jaxclay.solution import Solution, Status
 
 SIZES = tuple(32 << i for i in range(7))  # slices that an answer to a tolerance may have
 _DIRECT = 256  # slices up to which the rough shape is near enough to start from
+_MANY = 1024
 _SHARE = 3  # at second order the error is a third of the distance to half as many slices
 
 
@@ -51,8 +52,9 @@ def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES)
     """The answer on as few slices as put its contour within the tolerance, over the unit l.
 
     Twice as many slices each time, the first number placed twice, until the last two answers lie
-    within the tolerance of each other; ``error_estimate`` is a third of their distance.  Where
-    that does not happen the answer is UNRESOLVED.
+    within the tolerance of each other; ``error_estimate`` is a third of their distance, and from
+    1024 slices on it is enough that this is within the tolerance.  Where that does not happen the
+    answer is UNRESOLVED.
     """
     first, *more = sizes
     answers = [(yield from _next(found, first, []))]
@@ -66,11 +68,13 @@ def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES)
         last, before = answers[-1], answers[-2]
         both = last.status is Status.CONVERGED and before.status is Status.CONVERGED
         distance = contour_error(last.clay, before.clay) if both else np.inf
-        if distance <= tolerance:
+        # So many that as many again would not fit: the estimate alone must do.
+        estimate = distance / (_SHARE if size >= _MANY else 1)
+        if estimate <= tolerance:
             break
     last = _with_levels(answers)
     code = last.status_code
-    if last.status is Status.CONVERGED and not distance <= tolerance:
+    if last.status is Status.CONVERGED and not distance / _SHARE <= tolerance:
         code = np.asarray(Status.UNRESOLVED.value)
     return dataclasses.replace(last, error_estimate=distance / _SHARE, status_code=code)
 
