@@ -42,7 +42,7 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
         r = model.gradient + problem.from_shift(lam) - problem.from_thickness(z)
         newton = problem.relaxed(factor, r)
         decrement = r @ newton / 2 + jnp.sum(limit * jnp.abs(point.shift) - lam * point.shift)
-        decrement += jnp.sum(z * jnp.where(problem.loose, problem.slack(point), 0.0))
+        decrement += jnp.sum(z * problem.slack(point))
         step = jnp.max(jnp.abs(problem.shift_change(newton)))
         bad = jnp.isnan(decrement)
         return jnp.where(bad, jnp.inf, decrement), jnp.where(bad, jnp.inf, step), r
