@@ -29,7 +29,7 @@ _CAPACITY = 256  # problems of one call
 def minimize_batch(
     problems: Sequence[Problem], settings: Sequence[NewtonSettings] | None = None
 ) -> list[Solution]:
-    """Newton's answers to posed problems, those on as many slices in one compiled call.
+    """Newton's minima of E_total (eq. 9): problems on as many slices in one compiled call.
 
     The call solves one problem after the other, each to its own end, so that nobody waits for a
     straggler.
@@ -63,7 +63,7 @@ def deform_batch(
     tolerance: float | None = None,
     slices: int | None = None,
 ) -> list[Solution]:
-    """Squash many pieces of clay: :func:`jaxclay.deform` by newton, what is as fine at once.
+    """Squash many pieces of clay (eqs. 9 to 19): :func:`jaxclay.deform`, what is as fine at once.
 
     Parameters
     ----------

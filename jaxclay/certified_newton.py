@@ -142,9 +142,10 @@ def program(values: Packed) -> Answer:
     free, target, limit, shift, friction = values.nodes
     upper, width, rest, least, strain, slope, *radii, thickness, floor = values.slices
     r0, k, mu, total, feasible, finished, *rest_of = values.scalars
+    apart, tension, change = values.middles
     system = System(
-        free, target, limit, upper, width, rest, least, strain, slope, tuple(radii),
-        *values.middles, values.turn, r0, k, mu, total,
+        free, target, limit, upper, width, rest, least, strain, slope, tuple(radii), apart,
+        tension, change, values.turn, r0, k, mu, total,
     )  # fmt: skip
     memory, settings = newton.Memory(*rest_of[:3]), NewtonSettings(*rest_of[3:])
     point, forces = Point(thickness, shift), Forces(friction, floor)

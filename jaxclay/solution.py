@@ -105,7 +105,7 @@ class Derived(NamedTuple):
 @pytree
 @dataclasses.dataclass(frozen=True, eq=False)
 class Solution:
-    """An answer with its certificate.
+    """An answer, a minimum of E_total (eq. 9), with its certificate.
 
     Attributes
     ----------

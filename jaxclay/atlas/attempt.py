@@ -18,14 +18,13 @@ from jaxclay._host import as_float64
 from jaxclay.atlas import single
 from jaxclay.atlas.sweeps import SINGLE
 from jaxclay.loop import Outcome, cold, solve
-from jaxclay.methods import METHODS
-from jaxclay.minimize import Solution, conclude, method_settings, minimize
+from jaxclay.minimize import Solution, conclude, method_settings
 from jaxclay.problem import Problem
-from jaxclay.refine import DIRECT
 from jaxclay.scm import RoughShape
 
 _FIRST = 64  # iterations of which the first speed is taken
 _MOST_GROWTH = 16.0  # of the iterations from one run to the next
+_FINE = 256  # slices beyond which programs are let go of
 _NEARLY = 0.9  # of its time: a run that took that much had all of it
 
 
@@ -52,7 +51,7 @@ class Attempts:
 
     def on_grid(self, slices: int) -> None:
         """What comes next is on that grid: forget what was compiled for a fine one."""
-        if slices != self._slices and self._slices > DIRECT:
+        if slices != self._slices and self._slices > _FINE:
             self._speeds.clear()
             jax.clear_caches()  # programs for fine grids take hundreds of MB
         self._slices = slices
@@ -79,16 +78,7 @@ def _prepared(
     """The method on the problem, for a number of iterations."""
     if precision == SINGLE:
         return lambda limit: _single(problem, rough, method, limit)
-    if METHODS[method].resume is not None and problem.slices > DIRECT:
-        return lambda limit: _by_coarser_grids(problem, method, limit)
     return lambda limit: _double(problem, rough, method, limit)
-
-
-def _by_coarser_grids(problem: Problem, method: str, limit: int) -> _Run:
-    begin = time.perf_counter()
-    answer = minimize(problem, method, max_iterations=limit)
-    seconds = time.perf_counter() - begin
-    return _Run(seconds, int(answer.iterations), lambda: answer)
 
 
 def _double(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Run:

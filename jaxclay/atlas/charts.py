@@ -54,8 +54,7 @@ def charts(table: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
         caption = (
             "Number of slices: the reference scene, in float64, and on some of the grids in "
             "float32, whose answers are judged in float64. But for newton, a method that is out of "
-            "time on a grid is not tried on finer ones. From 257 slices on newton goes by way of "
-            "coarser grids, in float64. " + _READING
+            "time on a grid is not tried on finer ones. " + _READING
         )
         yield "slices", caption, _by_panel(slices)
     single = select(table, table.precision == SINGLE)

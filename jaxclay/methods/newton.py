@@ -125,8 +125,8 @@ def step(problem: AnyProblem, state: State, settings: NewtonSettings) -> State:
     """
     model = problem.smooth_model(state.point)
     pull = asked(problem, state, model)
-    answer = problem.newton_step(state.point, model.bands, pull)
-    return taken(problem, state, model, pull, *answer, settings)
+    answer, positive = problem.newton_step(state.point, model.bands, pull)
+    return taken(problem, state, model, pull, answer, positive, settings)
 
 
 def asked(problem: AnyProblem, state: State, model: Any) -> Pull:
