@@ -7,16 +7,17 @@ the caller owns the flag, so there it must be on.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.core
-import jax.numpy as jnp
 import numpy as np
+from jax._src.core import trace_state_clean  # JAX has no public way to ask, but making an array
 
 T = TypeVar("T")
 
@@ -94,6 +95,24 @@ def as_compiled() -> Any:
     return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
+# Half the time to compile, and programs that run as fast here.
+_WISHES: dict[str, bool | int] = {
+    "xla_cpu_use_fusion_emitters": False,
+    "xla_backend_optimization_level": 1,
+}
+
+
+@functools.cache
+def _options() -> dict[str, bool | int]:
+    """Those options of the compiler that the installed JAX knows."""
+    known = {}
+    for name, value in _WISHES.items():
+        with contextlib.suppress(jax.errors.JaxRuntimeError, ValueError):
+            jax.jit(lambda: 0, compiler_options={name: value}).lower().compile()
+            known[name] = value
+    return known
+
+
 class Compiled:
     """A function for the host to call and for JAX to trace.
 
@@ -103,13 +122,17 @@ class Compiled:
     whole : the function compiled by itself, with options that JAX allows only there
     """
 
-    # XLA's newer way of fusing loops takes twice the time to compile and runs no faster here.
-    _OPTIONS: ClassVar = {"xla_cpu_use_fusion_emitters": False}
-
     def __init__(self, fun: Callable[..., Any], static: tuple[str, ...] = ()):
         functools.update_wrapper(self, fun)
         self.traced = jax.jit(fun, static_argnames=static)
-        self.whole = jax.jit(fun, static_argnames=static, compiler_options=self._OPTIONS)
+        self._static = static
+
+    @functools.cached_property
+    def whole(self) -> Any:
+        """Made when it is first asked for, since which options there are is known then."""
+        return jax.jit(
+            self.traced.__wrapped__, static_argnames=self._static, compiler_options=_options()
+        )
 
     def __call__(self, *args: Any, **static: Any) -> Any:
         return (self.traced if is_transformed(*args) else self.whole)(*args, **static)
@@ -135,9 +158,15 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
         check_float64(name)
         return fun.traced(*args, **static)
     let_go()
-    # Inside a transformation what depends on nothing that is traced is a constant.
-    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+    # What depends on nothing that is traced is a constant inside a transformation.
+    ambient = contextlib.nullcontext() if _outside() else jax.ensure_compile_time_eval()
+    with ambient, jax.enable_x64(True):
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
+
+
+def _outside() -> bool:
+    """Whether nothing is being traced around this call, not even what it does not depend on."""
+    return trace_state_clean()
 
 
 def check_float64(name: str) -> None:
@@ -169,7 +198,7 @@ def let_go() -> None:
     For every call from the host.  Mappings are counted, which takes milliseconds, only after some
     compilations, and never inside a trace, which needs what has been compiled.
     """
-    if len(_compilations) < _LOOK_AFTER or isinstance(jnp.zeros(()), jax.core.Tracer):
+    if len(_compilations) < _LOOK_AFTER or not _outside():
         return
     _compilations.clear()
     maps = Path("/proc/self/maps")
