@@ -125,14 +125,12 @@ class Compiled:
     def __init__(self, fun: Callable[..., Any], static: tuple[str, ...] = ()):
         functools.update_wrapper(self, fun)
         self.traced = jax.jit(fun, static_argnames=static)
-        self._static = static
+        self._fun, self._static = fun, static
 
     @functools.cached_property
     def whole(self) -> Any:
         """Made when it is first asked for, since which options there are is known then."""
-        return jax.jit(
-            self.traced.__wrapped__, static_argnames=self._static, compiler_options=_options()
-        )
+        return jax.jit(self._fun, static_argnames=self._static, compiler_options=_options())
 
     def __call__(self, *args: Any, **static: Any) -> Any:
         return (self.traced if is_transformed(*args) else self.whole)(*args, **static)

@@ -28,6 +28,7 @@ REFUSED = {
     (KIND, KIND + "\nagree.energy = true"): "line 2: agree.energy: .*number, got True",
     (KIND, KIND + "\nagree = { energy = 1, contour = 2 }"): "line 2: agree.contour: .*got 2",
     (KIND, KIND + "\nelements = [8]"): "line 2: elements: without a method of scheme",
+    (KIND, KIND + "\ntolerances = [1e-3]"): "line 2: tolerances: belong to kind = ",
     (SLICES, "slices = []"): "line 2: slices: an empty list",
     (SLICES, "slices = [4]"): "line 2: slices: 4 is not .* between 8 and 4096",
     (SLICES, "slices = 8.5"): "line 2: slices: 8.5 is not a whole number between 8 and 4096",

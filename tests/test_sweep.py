@@ -127,6 +127,37 @@ def test_two_timing_runs_at_once_are_refused():
         pass
 
 
+TOLERANCES = """\
+kind = "throughput"
+slices = 32
+tolerances = [1e-2, 1e-3]
+
+[[scenes]]
+names = ["fig4a", "fig4b"]
+units = ["snake"]
+
+[[methods]]
+name = "newton"
+schemes = ["slices"]
+"""
+
+
+def test_scenes_are_solved_to_tolerances_in_batches(tmp_path):
+    path = tmp_path / "tolerances.toml"
+    path.write_text(TOLERANCES)
+    table = sweep(path, tmp_path / "out")
+    assert sorted(table.tolerance) == [0, 0, 1e-3, 1e-3, 1e-2, 1e-2]
+    within = table[table.tolerance > 0]
+    assert (within.status == "converged").all()
+    assert (within.contour_error_continuum <= within.tolerance).all()
+    assert (within.error_estimate <= within.tolerance).all()
+    assert (within.batch == 2).all()
+    assert table[table.tolerance == 0].error_estimate.isna().all()
+    more = within.set_index(["scene", "tolerance"]).unknowns.unstack()
+    assert (more[1e-3] >= more[1e-2]).all()
+    assert more[1e-3].sum() > more[1e-2].sum()
+
+
 SPLINES = """\
 kind = "throughput"
 slices = 32

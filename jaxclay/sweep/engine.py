@@ -164,7 +164,7 @@ def _workers(backend: str) -> int:
 
 def _so_far(folder: Path) -> tuple[set[str], dict[tuple, float]]:
     """Keys of what is done, and median seconds of a solve by kind and shape."""
-    columns = ["key", "kind", "scheme", "method", "slices", "solve_s"]
+    columns = ["key", "kind", "scheme", "method", "slices", "elements", "tolerance", "solve_s"]
     keys: set[str] = set()
     seconds: dict[tuple, list[float]] = {}
     with contextlib.suppress(ValueError):
@@ -174,8 +174,9 @@ def _so_far(folder: Path) -> tuple[set[str], dict[tuple, float]]:
                 for row in read_part(path, columns).to_pylist():
                     keys.add(row["key"])
                     if row["solve_s"] is not None and row["solve_s"] == row["solve_s"]:
-                        shape = row["kind"], row["scheme"], row["method"], row["slices"]
-                        seconds.setdefault(shape, []).append(row["solve_s"])
+                        size = row["slices"] or row["elements"]
+                        shape = row["scheme"], row["method"], size, row["tolerance"]
+                        seconds.setdefault((row["kind"], *shape), []).append(row["solve_s"])
     medians = {shape: sorted(each)[len(each) // 2] for shape, each in seconds.items()}
     return keys, medians
 

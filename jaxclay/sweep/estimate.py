@@ -20,7 +20,7 @@ _SECONDS = {
     "greedy-refined": (0.2, 2.0),
     "lattice": (2e-2, 1.5),
 }
-_SPLINE = 5e-3
+_OTHER = 1e-2  # on splines, or to a tolerance
 _AROUND = 5e-3  # posing, the reference and the judge
 _REFERENCE = 0.3  # the continuum's minimum, where that is asked for, and distances to it
 _COMPILING, _COMPILING_SPLINE, _COMPILING_REFERENCE = 5.0, 15.0, 15.0  # seconds for each shape
@@ -34,7 +34,7 @@ def seconds_of(task: Task, known: dict[tuple, float]) -> float:
     solve = known.get((task.kind, *task.shape))
     if solve is None:
         at_64, power = _SECONDS[task.method]
-        solve = at_64 * (task.slices / 64) ** power if task.slices else _SPLINE
+        solve = at_64 * (task.slices / 64) ** power if task.slices else _OTHER
     runs = _RUNS + len(task.stops) * _RUNS / 2 if task.kind == "timing" else 1
     return solve * runs + _AROUND + (_REFERENCE if task.reference else 0.0)
 

@@ -21,8 +21,8 @@ _MAY_MISS = {
     "floored": "boolean",
     "positive": "boolean",
 }
-_LABELS = ("key", "kind", "scene", "number", "units", "scheme", "slices", "elements", "method",
-           "settings")  # fmt: skip
+_LABELS = ("key", "kind", "scene", "number", "units", "scheme", "slices", "elements", "tolerance",
+           "method", "settings")  # fmt: skip
 
 
 def table(folder: str | Path) -> pd.DataFrame:
@@ -35,6 +35,7 @@ def table(folder: str | Path) -> pd.DataFrame:
         "settings",
         "slices",
         "elements",
+        "tolerance",
         "scene",
         "number",
         "key",

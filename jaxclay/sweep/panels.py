@@ -44,7 +44,7 @@ def series_style(series: str) -> dict:
 
 def work_precision(error: str) -> Draw:
     """Errors against time: medians and bands, a rung for each setting or each size."""
-    by = ["settings"] if error == GAP else ["slices", "elements"]
+    by = ["settings"] if error == GAP else ["slices", "elements", "tolerance"]
 
     def draw(ax: Axes, rows: pd.DataFrame) -> None:
         for series, part in groups(rows, "series"):

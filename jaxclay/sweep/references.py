@@ -9,7 +9,7 @@ from jaxclay.clay import Clay, Material
 from jaxclay.minimize import Solution, deform, minimize
 from jaxclay.posing import pose
 from jaxclay.problem import Problem
-from jaxclay.squash import Squash
+from jaxclay.squash import Squash, check_fits
 from jaxclay.sweep.batched import minimized
 from jaxclay.sweep.recipe import Recipe
 
@@ -69,6 +69,13 @@ def _last(recipe: Recipe, slices: int) -> tuple[Clay, Squash, Material]:
     for squash in scene.squashes[:-1]:
         clay = deform(clay, squash, material).raise_for_status().clay
     return clay, scene.squashes[-1], material
+
+
+def whole(recipe: Recipe) -> tuple[Clay, Squash, Material]:
+    """The last squash and fine clay before it; raises as :func:`posed`."""
+    clay, squash, material = _last(recipe, _FINE)
+    check_fits(squash, clay)
+    return clay, squash, material
 
 
 @functools.lru_cache(maxsize=_KEPT)

@@ -28,7 +28,7 @@ _WHERE = ("host", "processor", "machine", "device", "dtype", "jaxclay", "jax", "
           "optax", "numpy", "python")  # fmt: skip
 # What seconds depend on: where, and with which versions.
 _PLACE, _VERSIONS = ["host", "processor", "device"], ["jaxclay", "jax", "jaxlib"]
-_BY = ["units", "slices", "elements", "series", "settings"]
+_BY = ["units", "slices", "elements", "tolerance", "series", "settings"]
 
 
 def write(folder: Path) -> list[Path]:
@@ -131,8 +131,9 @@ def _medians(rows: pd.DataFrame, kind: str) -> str:
     names += ["median ms", "shifted mean ms", "90% ms"] if timing else []
     names += ["uncertified"]
     lines = []
-    for (units, slices, elements, series, settings), part in sorted(groups(rows, _BY), key=_order):
-        size = f"{slices}" if slices else f"{elements} spans"
+    for by, part in sorted(groups(rows, _BY), key=_order):
+        units, slices, elements, tolerance, series, settings = by
+        size = f"{slices}" if slices else f"{elements} spans" if elements else f"to {tolerance:g}"
         lines.append([units, size, series, settings, *_figures(part, timing)])
     columns = [[name, *cells] for name, *cells in zip(names, *lines, strict=True) if any(cells)]
     head, *lines = zip(*columns, strict=True)

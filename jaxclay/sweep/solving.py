@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxclay.batch import deform_batch
 from jaxclay.compare import rows
 from jaxclay.compare.rows import Row
 from jaxclay.minimize import Solution, minimize
@@ -20,6 +21,7 @@ from jaxclay.sweep.references import (
     on_spans,
     posed,
     referee,
+    whole,
 )
 from jaxclay.sweep.tasks import Task
 from jaxclay.sweep.timing import Times, timed_slices, timed_spans
@@ -34,6 +36,8 @@ def solve(batch: list[Task]) -> list[Row]:
     timing, splines = batch[0].kind == "timing", batch[0].scheme == "spline"
     if timing:
         found = [_timed(task) for task in batch]
+    elif batch[0].tolerance:
+        found = _to_tolerance(batch)
     else:
         found = [_spans(task) for task in batch] if splines else _slices(batch)
     here, now = where(), datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
@@ -63,6 +67,25 @@ def _slices(batch: list[Task]) -> list[Row]:
     for i, answer, minimum in zip(problems, answers, minima, strict=True):
         times = Times(solve_s=seconds, repeats=1, batch=len(problems))
         results[i] = _judged(batch[i], answer, minimum, referee(method), times)
+    return [results[i] for i in range(len(batch))]
+
+
+def _to_tolerance(batch: list[Task]) -> list[Row]:
+    """On as many slices as the tolerance needs, those on as many in one compiled call."""
+    results: dict[int, Row] = {}
+    scenes = {}
+    for i, task in enumerate(batch):
+        try:
+            scenes[i] = whole(task.recipe)
+        except (ValueError, RuntimeError) as error:
+            results[i] = _skipped(error)
+    begin = time.perf_counter()
+    answers = deform_batch(scenes.values(), tolerance=batch[0].tolerance)
+    seconds = (time.perf_counter() - begin) / max(len(scenes), 1)
+    times = Times(solve_s=seconds, repeats=1, batch=len(scenes))
+    for i, answer in zip(scenes, answers, strict=True):
+        row = _judged(batch[i], answer, None, _NONE, times)
+        results[i] = row | {"error_estimate": float(np.asarray(answer.error_estimate))}
     return [results[i] for i in range(len(batch))]
 
 
@@ -126,7 +149,8 @@ def _inputs(task: Task) -> Row:
         "key": task.key, "kind": task.kind, "scene": recipe.name, "recipe": recipe.key,
         "number": recipe.number,
         "source": recipe.source, "units": recipe.units, "scheme": task.scheme,
-        "slices": task.slices, "elements": task.elements, "method": task.method,
+        "slices": task.slices, "elements": task.elements,
+        "tolerance": task.tolerance, "error_estimate": math.nan, "method": task.method,
         "settings": task.chosen,
     }  # fmt: skip
     for name in ("radius", "height", "k", "mu", "alpha", "beta"):

@@ -200,6 +200,9 @@ class Experiment(Table):
         Of the schemes "paper" and "slices" (equal on each side of the band), 8 to 4096.
     elements : numbers
         Spans on each side of the band, for the scheme "spline", 1 to 1024.
+    tolerances : numbers
+        Of the contour over l, for newton on the scheme "slices" in "throughput": as many placed
+        slices as each needs, beside the runs on ``slices``.
     repeats : int
         Timed runs of each task, for "timing"; more of short ones.
     scenes, methods : lists of tables
@@ -211,6 +214,7 @@ class Experiment(Table):
     seed: Annotated[int, Field(ge=0)] = 0
     slices: whole_numbers(8, 4096) = Values((64,))  # type: ignore[valid-type]
     elements: whole_numbers(1, 1024) = Values(())  # type: ignore[valid-type]
+    tolerances: numbers(1e-9, 0.1) = Values(())  # type: ignore[valid-type]
     repeats: Annotated[int, Field(ge=1, le=1000)] = 5
     scenes: Annotated[list[ScenesTable], Field(min_length=1)]
     methods: Annotated[list[MethodTable], Field(min_length=1)]
@@ -226,6 +230,14 @@ class Experiment(Table):
         if self.elements.entries and not splines:
             message = 'without a method of scheme "spline": nothing takes them'
             raise MistakeAt(("elements",), message)
+        if self.tolerances.entries:
+            able = any(m.name == "newton" and "slices" in m.schemes for m in self.methods)
+            if self.kind == "timing" or not able:
+                message = (
+                    'belong to kind = "throughput" and newton with schemes = ["slices"]: nothing '
+                    "else takes them"
+                )
+                raise MistakeAt(("tolerances",), message)
         if self.kind == "throughput" and "repeats" in self.model_fields_set:
             message = 'repeats belong to kind = "timing": throughput runs once'
             raise MistakeAt(("repeats",), message)

@@ -31,9 +31,11 @@ class Task:
         "throughput", or "timing": solved alone, repeatedly.
     scheme, method : str
     slices : int
-        0 for splines.
+        0 for splines, and to a tolerance.
     elements : int
         Spans on each side of the band, for splines; 0 for slices.
+    tolerance : float
+        Of the contour over l; 0 on so many slices or spans.
     settings : tuple of (name, value)
         The method's; what is not here has its default.
     stops : tuple of int
@@ -50,15 +52,16 @@ class Task:
     method: str
     slices: int
     elements: int
+    tolerance: float
     settings: tuple[tuple[str, float], ...]
     stops: tuple[int, ...]
     repeats: int
     reference: int
 
     @property
-    def shape(self) -> tuple[str, str, int]:
+    def shape(self) -> tuple[str, str, int, float]:
         """What one compiled call serves."""
-        return self.scheme, self.method, self.slices or self.elements
+        return self.scheme, self.method, self.slices or self.elements, self.tolerance
 
     @functools.cached_property
     def key(self) -> str:
@@ -76,6 +79,7 @@ class Task:
         """The task in a few words."""
         kind = "second-order slices" if self.scheme == "slices" else "slices"
         size = f"{self.slices} {kind}" if self.slices else f"{self.elements} spans"
+        size = f"{kind} to {self.tolerance:g}" if self.tolerance else size
         r = self.recipe
         with_settings = f" {self.chosen}" if self.chosen else ""
         return f"{r.name} {r.number} ({r.units}, {size}): {self.method}{with_settings}"
@@ -100,29 +104,33 @@ def device() -> str:
 
 def tasks(experiment: Experiment) -> list[Task]:
     """Every task of the experiment once, those of one shape together."""
-    reference = _REFERENCE if experiment.elements.entries else 0
+    continuum = experiment.elements.entries or experiment.tolerances.entries
+    reference = _REFERENCE if continuum else 0
     timing = experiment.kind == "timing"
     found = [
         Task(
-            recipe, experiment.kind, scheme, method.name, slices, elements, settings,
+            recipe, experiment.kind, scheme, method.name, slices, elements, tolerance, settings,
             tuple(int(stop) for stop in method.stops.fixed()) if method.stops else (),
             experiment.repeats if timing else 1, reference,
         )
         for recipe in recipes(experiment)
         for method in experiment.methods
-        for scheme, slices, elements in _sizes(experiment, method)
-        for settings in _settings(method)
+        for scheme, slices, elements, tolerance in _sizes(experiment, method)
+        for settings in (_settings(method) if not tolerance else [()])
     ]  # fmt: skip
     once = {task.key: task for task in found}
     return sorted(once.values(), key=lambda task: task.shape)
 
 
-def _sizes(experiment: Experiment, method: MethodTable) -> Iterator[tuple[str, int, int]]:
+def _sizes(experiment: Experiment, method: MethodTable) -> Iterator[tuple[str, int, int, float]]:
+    """Scheme, slices, elements and tolerance."""
     for scheme in method.schemes:
-        if scheme != "spline":
-            yield from ((scheme, int(n), 0) for n in experiment.slices.fixed())
-        else:
-            yield from (("spline", 0, int(count)) for count in experiment.elements.fixed())
+        if scheme == "spline":
+            yield from (("spline", 0, int(count), 0.0) for count in experiment.elements.fixed())
+            continue
+        yield from ((scheme, int(n), 0, 0.0) for n in experiment.slices.fixed())
+        if scheme == "slices" and method.name == "newton":
+            yield from ((scheme, 0, 0, float(tol)) for tol in experiment.tolerances.fixed())
 
 
 def _settings(method: MethodTable) -> Iterable[tuple[tuple[str, float], ...]]:
