@@ -212,7 +212,7 @@ class Search(NamedTuple):
 def first_search(system: System) -> Search:
     """Before anything was tried."""
     no, inf = jnp.asarray(False), jnp.asarray(jnp.inf)
-    worst = _Verdict(inf, inf, inf, 0 * inf)
+    worst = _Verdict(inf, inf, inf, jnp.zeros(()))
     turn, none = jnp.asarray(_TURNS - 1), jnp.zeros_like(system.floor)
     return Search(turn, none, no, no, no, jnp.zeros(()), worst)
 

@@ -2,6 +2,7 @@
 
 import re
 
+import jax
 import numpy as np
 import pytest
 
@@ -28,6 +29,7 @@ def compared(tmp_path_factory):
     (profile / "bottle.csv").write_text("\n".join(["height,radius", *lines]))
     names = ["reference", "bottle-middle", "bottle-shoulder"]
     methods = ["newton", "greedy", "greedy-refined"]
+    jax.clear_caches()  # as in a process of its own: what is compiled has no seconds to tell
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         code = main(
