@@ -14,8 +14,10 @@ from slices_scenes import Scene, population
 
 import jaxclay
 from jaxclay import Clay, Material, Squash
-from jaxclay._host import as_float64
+from jaxclay.certified_newton import Packed, packed, program
 from jaxclay.compare.peers import prepare
+from jaxclay.loop import cold
+from jaxclay.methods.newton import NewtonSettings
 from jaxclay.problem import Problem
 from jaxclay.schemes.slices.posing import located
 
@@ -29,15 +31,28 @@ _SNAKE = Material.from_snake_units()
 _BEFORE = {"posed, n = 64": 13.0, "scenes to 1e-4": 83.0}
 
 
+def _arguments(problem: Problem) -> Packed:
+    rough = jaxclay.rough_shape(problem)
+    start = cold(problem, rough.point)
+    return packed(problem.system, start, NewtonSettings(), rough.feasible)
+
+
 def kernel(problem: Problem) -> Callable[[], Any]:
     """The compiled solve with its certificate alone, warm, to be timed."""
-    return lambda: jaxclay.minimize(problem)
+    with jax.enable_x64(True):
+        values = jax.device_put(_arguments(problem))
+
+    def call() -> Any:
+        with jax.enable_x64(True):
+            return jax.block_until_ready(program.whole(values))
+
+    return call
 
 
 def equations(problem: Problem) -> int:
     """How many equations the program of one solve with its certificate has, all levels counted."""
     with jax.enable_x64(True):
-        return _equations(jax.make_jaxpr(jaxclay.minimize)(as_float64(problem)).jaxpr)
+        return _equations(jax.make_jaxpr(program.traced)(_arguments(problem)).jaxpr)
 
 
 def _equations(jaxpr: Any) -> int:
