@@ -19,11 +19,12 @@ from jaxclay.minimize import solution_of
 from jaxclay.problem import Problem
 from jaxclay.schemes.slices.posing import located
 from jaxclay.schemes.slices.refining import Plan, Wanted, on_slices, to_tolerance
-from jaxclay.scm import rough_shape
+from jaxclay.scm import rough_start
 from jaxclay.solution import Solution
 from jaxclay.squash import Squash, check_fits
 
 _CAPACITY = 256  # problems of one call
+_TRUE = np.asarray(True)
 
 
 def minimize_batch(
@@ -134,10 +135,9 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
     with as_compiled():
         rows, feasible = [], []
         for (problem, start), chosen in zip(wanted, settings, strict=True):
-            rough = rough_shape(problem) if start is None else None
-            feasible.append(np.asarray(True) if rough is None else rough.feasible)
-            begin = cold(problem, start if rough is None else rough.point)
-            rows.append(packed(problem.system, begin, chosen, feasible[-1]))
+            point, possible = (start, _TRUE) if start else rough_start(problem)
+            feasible.append(possible)
+            rows.append(packed(problem.system, cold(problem, point), chosen, possible))
         if len(rows) == 1:
             found = [in_float64("minimize", program, rows[0])]
         else:

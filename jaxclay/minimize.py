@@ -35,7 +35,7 @@ from jaxclay.schemes.slices.refining import Wanted, followed, on_slices, to_tole
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.solve import minimize_on_spans
 from jaxclay.schemes.sums import Point
-from jaxclay.scm import RoughShape, rough_shape
+from jaxclay.scm import RoughShape, rough_shape, rough_start
 from jaxclay.solution import Derived, Solution, Status, status_code
 from jaxclay.squash import Squash, check_fits
 from jaxclay.start import start_of
@@ -131,9 +131,8 @@ def _check_tolerance(tolerance, concrete: bool, scheme, slices, spacing) -> None
 def _newton(wanted: Wanted) -> Solution:
     problem, start = wanted
     with as_compiled():
-        rough = None if start is not None else rough_shape(problem)
-        begin = cold(problem, start if rough is None else rough.point)
-        feasible = np.asarray(True) if rough is None else rough.feasible
+        point, feasible = (start, np.asarray(True)) if start else rough_start(problem)
+        begin = cold(problem, point)
         found = solve_on_host(problem.system, begin, NewtonSettings(), feasible)
         return solution_of(problem, feasible, *found, "newton")
 
@@ -192,16 +191,23 @@ def minimize(
         check_float64("minimize")
         return _traced(problem, start, chosen, method)
     with as_compiled():
-        problem = as_float64(problem)
-        rough = rough_shape(problem)
-        begin = start_of(problem, rough, start)
-        found = _solve_on_host(problem, begin, chosen, rough.feasible, method)
-        return solution_of(problem, rough.feasible, *found, method)
+        problem = _in_numpy(problem)
+        point, feasible = rough_start(problem)
+        begin = start_of(problem, point, start)
+        found = _solve_on_host(problem, begin, chosen, feasible, method)
+        return solution_of(problem, feasible, *found, method)
+
+
+def _in_numpy(problem: Problem) -> Problem:
+    """The same, if it came out of a transformation."""
+    if namespace(problem) is np:
+        return problem
+    return dataclasses.replace(as_float64(problem), before=problem.before)
 
 
 def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
     """Judge where a method, or a solver from elsewhere, ended, and say so."""
-    problem, outcome = as_float64((problem, outcome))
+    problem, outcome = _in_numpy(problem), as_float64(outcome)
     with as_compiled():
         certificate = in_float64("minimize", _judged, problem.system, outcome, rough.feasible)
         return solution_of(problem, rough.feasible, outcome, certificate, method)
@@ -232,7 +238,7 @@ def _traced(problem, start, settings, method) -> Solution:
     """The same inside a transformation, with the minimum's derivatives."""
     rough = rough_shape(problem)
     still, rough_still = jax.lax.stop_gradient((problem, rough))
-    begin = jax.lax.stop_gradient(start_of(still, rough_still, start))
+    begin = jax.lax.stop_gradient(start_of(still, rough_still.point, start))
     outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)
     still, last = jax.lax.stop_gradient((problem, outcome))
     certificate = _judged.traced(still.system, last, rough.feasible)

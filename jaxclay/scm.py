@@ -145,6 +145,12 @@ def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> Rou
         return _describe(problem, *_solve(problem, discrete))
 
 
+def rough_start(problem: Problem) -> tuple[Point, Array]:
+    """Where solves start, and whether the squash is feasible: the rough shape, not described."""
+    point, (below, above) = _solve(problem, discrete=False)
+    return point, problem.band.feasible & below.feasible & above.feasible
+
+
 def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
     xp = namespace(problem.shift, problem.band.lower)
     band = _node_band(problem) if discrete else problem.band

@@ -13,14 +13,13 @@ from jaxclay.loop import Start, cold
 from jaxclay.methods.base import lifted
 from jaxclay.problem import Problem
 from jaxclay.schemes.sums import Point
-from jaxclay.scm import RoughShape
 from jaxclay.solution import Solution
 
 
-def start_of(problem: Problem, rough: RoughShape, start: Any) -> Start:
-    """What the caller gave as start, checked; the rough shape if that is None."""
+def start_of(problem: Problem, rough: Point, start: Any) -> Start:
+    """What the caller gave as start, checked; the rough shape's point if that is None."""
     if start is None:
-        return cold(problem, rough.point)
+        return cold(problem, rough)
     if isinstance(start, Point):
         return cold(problem, start)
     if not isinstance(start, Solution):
@@ -30,7 +29,7 @@ def start_of(problem: Problem, rough: RoughShape, start: Any) -> Start:
             f"start is an answer on {start.problem.slices} slices, but this clay has "
             f"{problem.slices}: give heights, or squash a clay of as many slices"
         )
-    moved = jax.tree.map(lambda a, b, c: a + b - c, rough.point, start.point, start.rough.point)
+    moved = jax.tree.map(lambda a, b, c: a + b - c, rough, start.point, start.rough.point)
     near = lifted(problem, problem.imposed(moved))
     return Start(near, start.forces, np.asarray(True))
 

@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
 
-from jaxclay import METHODS, Clay, Material, Squash, Status, deform, minimize, pose
+from jaxclay import (
+    METHODS,
+    Clay,
+    Material,
+    Squash,
+    Status,
+    deform,
+    minimize,
+    minimize_batch,
+    pose,
+)
 
 N = 24
 COUNTS = {"one-sided": (REFERENCE, (0, 6, 18)), "two-sided": (MIDDLE, (9, 5, 10))}
@@ -171,3 +181,17 @@ def test_a_batch_of_posed_problems():
         alone = minimize(problem)
         np.testing.assert_allclose(heights[i], alone.heights, rtol=0, atol=1e-8)
         assert energies[i] == pytest.approx(float(alone.energy), rel=1e-10)
+
+
+def test_the_edges_of_earlier_tools_stay_whichever_way_a_squash_is_solved():
+    worked = deform(Clay.cylinder(), Squash(0.5, 0.7, 0.45), SNAKE, slices=64).clay
+    assert len(worked.edges) > 0
+    squash = Squash(0.0, 0.1, 0.48)
+    problem = pose(worked, squash, SNAKE, slices=64)
+    alone = minimize(problem)
+    (batch,) = minimize_batch([problem])
+    assert alone.problem is problem
+    for answer in (alone, batch, deform(worked, squash, SNAKE, slices=64)):
+        np.testing.assert_array_equal(answer.before.heights, worked.heights)
+        assert len(answer.clay.edges) > 2
+        assert set(worked.edges[:, 0]) & set(answer.clay.edges[:, 0])
