@@ -13,18 +13,15 @@ from jaxclay._host import as_compiled, compiled, in_float64
 from jaxclay.certified_newton import Answer, Packed, packed, program, unpacked
 from jaxclay.checks import check_tolerance, check_whole
 from jaxclay.clay import Array, Clay, Material
-from jaxclay.loop import cold
 from jaxclay.methods.newton import NewtonSettings
-from jaxclay.minimize import solution_of
+from jaxclay.minimize import begin_of, solution_of
 from jaxclay.problem import Problem
 from jaxclay.schemes.slices.posing import located
 from jaxclay.schemes.slices.refining import Plan, Wanted, on_slices, to_tolerance
-from jaxclay.scm import rough_start
 from jaxclay.solution import Solution
 from jaxclay.squash import Squash, check_fits
 
 _CAPACITY = 256  # problems of one call
-_TRUE = np.asarray(True)
 
 
 def minimize_batch(
@@ -134,10 +131,10 @@ def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Soluti
 def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
     with as_compiled():
         rows, feasible = [], []
-        for (problem, start), chosen in zip(wanted, settings, strict=True):
-            point, possible = (start, _TRUE) if start else rough_start(problem)
+        for each, chosen in zip(wanted, settings, strict=True):
+            begin, possible = begin_of(each)
             feasible.append(possible)
-            rows.append(packed(problem.system, cold(problem, point), chosen, possible))
+            rows.append(packed(each.problem.system, begin, chosen, possible))
         if len(rows) == 1:
             found = [in_float64("minimize", program, rows[0])]
         else:

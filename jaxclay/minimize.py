@@ -23,7 +23,7 @@ from jaxclay.certified_newton import solve_on_host
 from jaxclay.checks import check_tolerance
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.implicit import solve_implicitly
-from jaxclay.loop import Outcome, cold, solve
+from jaxclay.loop import Outcome, Start, cold, solve
 from jaxclay.methods.choice import method_settings, spline_settings
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.posing import check_scheme, pose
@@ -129,12 +129,20 @@ def _check_tolerance(tolerance, concrete: bool, scheme, slices, spacing) -> None
 
 
 def _newton(wanted: Wanted) -> Solution:
-    problem, start = wanted
+    problem = wanted.problem
     with as_compiled():
-        point, feasible = (start, np.asarray(True)) if start else rough_start(problem)
-        begin = cold(problem, point)
+        begin, feasible = begin_of(wanted)
         found = solve_on_host(problem.system, begin, NewtonSettings(), feasible)
         return solution_of(problem, feasible, *found, "newton")
+
+
+def begin_of(wanted: Wanted) -> tuple[Start, Array]:
+    """Where newton begins; and whether the squash is feasible, as it is where a start is known."""
+    problem, start = wanted
+    if start is not None:
+        return cold(problem, start), np.asarray(True)
+    rough, feasible = rough_start(problem)
+    return start_of(problem, rough, None, "newton"), feasible
 
 
 def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
@@ -193,7 +201,7 @@ def minimize(
     with as_compiled():
         problem = _in_numpy(problem)
         point, feasible = rough_start(problem)
-        begin = start_of(problem, point, start)
+        begin = start_of(problem, point, start, method)
         found = _solve_on_host(problem, begin, chosen, feasible, method)
         return solution_of(problem, feasible, *found, method)
 
@@ -238,7 +246,7 @@ def _traced(problem, start, settings, method) -> Solution:
     """The same inside a transformation, with the minimum's derivatives."""
     rough = rough_shape(problem)
     still, rough_still = jax.lax.stop_gradient((problem, rough))
-    begin = jax.lax.stop_gradient(start_of(still, rough_still.point, start))
+    begin = jax.lax.stop_gradient(start_of(still, rough_still.point, start, method))
     outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)
     still, last = jax.lax.stop_gradient((problem, outcome))
     certificate = _judged.traced(still.system, last, rough.feasible)

@@ -126,7 +126,7 @@ def _placed(scene: RandomScene, way: Way) -> list[tuple[Problem, Any, str]]:
 def compiled_call(problem: Problem, start: Any, method: str) -> Callable[[], Any]:
     """The compiled call of :func:`jaxclay.minimize` alone, its arguments ready on the device."""
     rough, settings = rough_shape(problem), method_settings(method, {})
-    begin = start_of(problem, rough.point, start)
+    begin = start_of(problem, rough.point, start, method)
     if method == "newton":
         values = on_device(packed(problem.system, begin, settings, rough.feasible))
         return lambda: program.whole(values)

@@ -127,10 +127,14 @@ def before_solving(clay: Clay, band: Band, material: Material) -> Density:
 
 def layer(clay: Clay, edge: Array, material: Material) -> Array:
     """Share of the clay over which smoothing rounds a step at the band's edge."""
-    xp = namespace(clay, edge, material)
     unit = clay.unit
-    slope = clay.interpolant.slope(edge) / unit
-    c = (1 + clay.r0**2 / unit**3 / (4 * slope**3)) * slope**2 / material.k
+    return layer_of(clay.interpolant.slope(edge) / unit, clay.r0 / unit**1.5, material)
+
+
+def layer_of(slope: Array, r0: Array, material: Material) -> Array:
+    """The same where Y0_u over l is ``slope``."""
+    xp = namespace(slope, r0, material)
+    c = (1 + r0**2 / (4 * slope**3)) * slope**2 / material.k
     # Guarded, since the square root has no derivative at 0.
     a, b = (xp.where(v > 0, v * c, 1.0) for v in (material.alpha, material.beta))
     la = xp.where(material.alpha > 0, a**0.5, 0.0)
