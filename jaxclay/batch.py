@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import as_compiled, compiled, in_float64
-from jaxclay.certified_newton import Answer, Packed, packed, program, unpacked
+from jaxclay._host import as_compiled, as_float64, compiled, in_float64
+from jaxclay.certified_newton import Answer, Packed, answered, packed, program, unpacked
 from jaxclay.checks import check_tolerance, check_whole
 from jaxclay.clay import Array, Clay, Material
 from jaxclay.methods.newton import NewtonSettings
@@ -18,10 +18,13 @@ from jaxclay.minimize import begin_of, solution_of
 from jaxclay.problem import Problem
 from jaxclay.schemes.slices.posing import located
 from jaxclay.schemes.slices.refining import Plan, Wanted, on_slices, to_tolerance
+from jaxclay.scm import rough_start
 from jaxclay.solution import Solution
 from jaxclay.squash import Squash, check_fits
+from jaxclay.start import start_of
 
 _CAPACITY = 256  # problems of one call
+_MANY = 64  # problems for which it pays to compile their rough shapes too
 
 
 def minimize_batch(
@@ -118,7 +121,7 @@ def _followed(plans: list[Plan]) -> list[Solution]:
 
 def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
     answers: dict[int, Solution] = {}
-    sizes = [each.problem.slices for each in wanted]
+    sizes = [(each.problem.slices, each.problem.scheme) for each in wanted]
     for size in dict.fromkeys(sizes):
         same = [i for i, other in enumerate(sizes) if other == size]
         for begin in range(0, len(same), _CAPACITY):
@@ -129,22 +132,41 @@ def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Soluti
 
 
 def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
+    problems = [each.problem for each in wanted]
     with as_compiled():
-        rows, feasible = [], []
-        for each, chosen in zip(wanted, settings, strict=True):
-            begin, possible = begin_of(each)
-            feasible.append(possible)
-            rows.append(packed(each.problem.system, begin, chosen, possible))
-        if len(rows) == 1:
-            found = [in_float64("minimize", program, rows[0])]
+        if len(wanted) >= _MANY and all(each.start is None for each in wanted):
+            pairs = list(zip(problems, settings, strict=True))
+            count = np.array(len(pairs))
+            answer, feasible = in_float64(
+                "minimize", from_rough_shapes, stack(pairs, _CAPACITY), count
+            )
         else:
+            begins = [begin_of(each) for each in wanted]
+            feasible = [possible for _, possible in begins]
+            rows = [
+                packed(problem.system, begin, chosen, possible)
+                for problem, (begin, possible), chosen in zip(
+                    problems, begins, settings, strict=True
+                )
+            ]
             many = Packed(*(_stacked(leaves) for leaves in zip(*rows, strict=True)))
             answer = in_float64("minimize", programs, many, np.array(len(rows)))
-            found = [Answer(*(leaf[i] for leaf in answer)) for i in range(len(rows))]
         return [
-            solution_of(problem, possible, *unpacked(problem.system, one), "newton")
-            for (problem, _), possible, one in zip(wanted, feasible, found, strict=True)
+            solution_of(
+                problem,
+                feasible[i],
+                *unpacked(problem.system, Answer(*(leaf[i] for leaf in answer))),
+                "newton",
+            )
+            for i, problem in enumerate(problems)
         ]
+
+
+def stack(trees: list[Any], size: int | None = None) -> Any:
+    """One tree of arrays with a leading axis, filled up to ``size`` with the last tree."""
+    trees = as_float64(trees)
+    trees = trees + [trees[-1]] * ((size or len(trees)) - len(trees))
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
 
 
 def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -157,9 +179,24 @@ def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
 @compiled()
 def programs(values: Packed, count: Array) -> Answer:
     """The first ``count`` of many calls of the program."""
+    return _each(lambda i: program.traced(jax.tree.map(lambda leaf: leaf[i], values)), count)
 
-    def one(i: Any) -> Answer:
-        return program.traced(jax.tree.map(lambda leaf: leaf[i], values))
+
+@compiled()
+def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tuple[Answer, Array]:
+    """The same for problems and settings, from rough shapes that are compiled too."""
+
+    def one(i: Any) -> tuple[Answer, Array]:
+        problem, settings = jax.tree.map(lambda leaf: leaf[i], pairs)
+        rough, feasible = rough_start(problem)
+        start = start_of(problem, rough, None, "newton")
+        return answered(problem.system, start, settings, feasible), feasible
+
+    return _each(one, count)
+
+
+def _each(one: Any, count: Array) -> Any:
+    """The results of ``one`` for 0, 1 .. count - 1, with room for as many as one call takes."""
 
     def put(i, found):
         return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))

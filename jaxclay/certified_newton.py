@@ -150,7 +150,19 @@ def program(values: Packed) -> Answer:
     memory, settings = newton.Memory(*rest_of[:3]), NewtonSettings(*rest_of[3:])
     point, forces = Point(thickness, shift), Forces(friction, floor)
     first = State(point, forces, jnp.asarray(0), finished > 0, memory)
-    state, finite, found = certified_newton(system, first, settings, feasible > 0)
+    return _answer(*certified_newton(system, first, settings, feasible > 0))
+
+
+def answered(system: System, start: Start, settings: NewtonSettings, feasible: Array) -> Answer:
+    """The same from a start, for more than one in a program."""
+    rest = Point(system.rest_thickness, 0 * system.target)
+    point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), start.point, rest)
+    state = newton.resume(system, point, start.forces, start.near, settings)
+    state = state._replace(iterations=jnp.asarray(0))
+    return _answer(*certified_newton(system, state, settings, feasible))
+
+
+def _answer(state: State, finite: Array, found: Search) -> Answer:
     ends = state.iterations, state.finished, finite, found.positive, found.energy_free, *found.best
     return Answer(
         jnp.stack([state.point.shift, state.forces.friction]),

@@ -140,6 +140,20 @@ def test_a_batch_of_posed_problems_of_several_sizes_keeps_its_order():
     assert jaxclay.minimize_batch([]) == []
 
 
+def test_a_large_batch_answers_as_single_calls_do():
+    """From rough shapes that are compiled too; one of them without room."""
+    squashes = [Squash(0.0, 0.3, 0.35 + 0.002 * i) for i in range(70)]
+    squashes[3] = Squash(0.0, 0.99, 0.4, top_fixed=True)
+    problems = [jaxclay.pose(Clay.cylinder(), squash, SNAKE, slices=24) for squash in squashes]
+    answers = jaxclay.minimize_batch(problems)
+    assert answers[3].status is Status.INFEASIBLE
+    np.testing.assert_array_equal(answers[3].heights, problems[3].clay.heights)
+    for problem, answer in list(zip(problems, answers, strict=True))[::6]:
+        alone = jaxclay.minimize(problem)
+        assert answer.status is alone.status
+        np.testing.assert_allclose(answer.heights, alone.heights, atol=1e-9)
+
+
 def test_a_batch_says_which_squash_is_wrong():
     with pytest.raises(ValueError, match="tolerance or slices"):
         jaxclay.deform_batch(SCENES)

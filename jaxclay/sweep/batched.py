@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import as_float64, compiled, let_go
-from jaxclay.batch import minimize_batch
+from jaxclay._host import compiled, let_go
+from jaxclay.batch import minimize_batch, stack
 from jaxclay.clay import Array
 from jaxclay.methods.choice import method_settings
 from jaxclay.minimize import Solution, minimize
@@ -68,13 +68,6 @@ def _many(
     shapes = jax.eval_shape(one, 0)
     empty = jax.tree.map(lambda leaf: jnp.zeros((CAPACITY, *leaf.shape), leaf.dtype), shapes)
     return jax.lax.fori_loop(0, count, put, empty)
-
-
-def stack(trees: list[Any], size: int | None = None) -> Any:
-    """One tree of arrays with a leading axis, filled up to ``size`` with the last tree."""
-    trees = as_float64(trees)
-    trees = trees + [trees[-1]] * ((size or len(trees)) - len(trees))
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
 
 
 def unstack(tree: Any, count: int) -> Iterator[Any]:
