@@ -14,8 +14,9 @@ from slices_scenes import Scene, population
 
 import jaxclay
 from jaxclay import Clay, Material, Squash
-from jaxclay.certified_newton import Packed, packed, program
+from jaxclay.certified_newton import packed, program
 from jaxclay.compare.peers import prepare
+from jaxclay.compare.solves import compiled_call
 from jaxclay.loop import cold
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.problem import Problem
@@ -31,28 +32,24 @@ _SNAKE = Material.from_snake_units()
 _BEFORE = {"posed, n = 64": 13.0, "scenes to 1e-4": 83.0}
 
 
-def _arguments(problem: Problem) -> Packed:
-    rough = jaxclay.rough_shape(problem)
-    start = cold(problem, rough.point)
-    return packed(problem.system, start, NewtonSettings(), rough.feasible)
-
-
 def kernel(problem: Problem) -> Callable[[], Any]:
     """The compiled solve with its certificate alone, warm, to be timed."""
-    with jax.enable_x64(True):
-        values = jax.device_put(_arguments(problem))
+    solve = compiled_call(problem, None, "newton")
 
     def call() -> Any:
         with jax.enable_x64(True):
-            return jax.block_until_ready(program.whole(values))
+            return jax.block_until_ready(solve())
 
     return call
 
 
 def equations(problem: Problem) -> int:
     """How many equations the program of one solve with its certificate has, all levels counted."""
+    rough = jaxclay.rough_shape(problem)
+    start = cold(problem, rough.point)
+    values = packed(problem.system, start, NewtonSettings(), rough.feasible)
     with jax.enable_x64(True):
-        return _equations(jax.make_jaxpr(program.traced)(_arguments(problem)).jaxpr)
+        return _equations(jax.make_jaxpr(program.traced)(values).jaxpr)
 
 
 def _equations(jaxpr: Any) -> int:

@@ -22,9 +22,7 @@ from slices_scenes import FLARED, MATERIALS, population, session
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, contour_error, deform
-from jaxclay._host import as_float64
-from jaxclay.loop import cold, solve
-from jaxclay.methods.choice import method_settings
+from jaxclay.compare.solves import compiled_call
 
 
 class Effort(NamedTuple):
@@ -155,7 +153,6 @@ def speed(effort: Effort) -> Part:
     )
     bounds = []
     scenes = list(population(min(effort.scenes, 20), SEED + 2))
-    settings = method_settings("newton", {})
     for n in (64, 128, 256):
         times = {"paper": [], "slices": []}
         for scene in scenes:
@@ -165,10 +162,7 @@ def speed(effort: Effort) -> Part:
                     problem = jaxclay.pose(*scene[:3], scheme, slices=n)
                 except ValueError:
                     break
-                rough = jaxclay.rough_shape(problem)
-                values = problem, cold(problem, rough.point), settings, rough.feasible
-                with jax.enable_x64(True):
-                    calls[scheme] = jax.device_put(as_float64(values))
+                calls[scheme] = compiled_call(problem, None, "newton")
             if len(calls) == 2:
                 for scheme, taken in _alternate(calls, effort.seconds).items():
                     times[scheme].append(taken)
@@ -185,10 +179,10 @@ def _alternate(calls: dict, seconds: float) -> dict[str, float]:
     taken: dict[str, list[float]] = {scheme: [] for scheme in calls}
     end = None
     while end is None or time.perf_counter() < end:
-        for scheme, values in calls.items():
+        for scheme, call in calls.items():
             begin = time.perf_counter()
             with jax.enable_x64(True):
-                jax.block_until_ready(solve.whole(*values, method="newton"))
+                jax.block_until_ready(call())
             taken[scheme].append(time.perf_counter() - begin)
         end = time.perf_counter() + seconds if end is None else end
     return {scheme: float(np.median(some[1:])) for scheme, some in taken.items()}

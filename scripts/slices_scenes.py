@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxclay import Clay, Material, Squash, Status, deform
+from jaxclay.compare import population as random
 
 SQUASHES = 20  # of a session
 FLARED = 2.0  # times the first radius: lips beyond that are listed apart
-_EARLIER = 3  # squashes before the one to solve, in one scene of four
-_WORKED = 512  # slices of worked clay
 
 
 class Scene(NamedTuple):
@@ -25,33 +24,10 @@ class Scene(NamedTuple):
 
 
 def population(count: int, seed: int) -> Iterator[Scene]:
-    """``count`` random scenes: r0, bands, materials in both units, one in four on worked clay."""
-    rng = np.random.default_rng(seed)
-    made = 0
-    while made < count:
-        r0 = rng.uniform(0.2, 1.0)
-        worked = rng.random() < 0.25
-        squashes = [_squash(rng, r0) for _ in range(1 + _EARLIER * worked)]
-        mu = 10 ** rng.uniform(-1.5, 0.3)
-        alpha, beta = 10 ** rng.uniform(-2, 1, 2)
-        make = Material.from_snake_units if rng.random() < 0.5 else Material
-        material, clay = make(1.0, mu, alpha, beta), Clay.cylinder(radius=r0)
-        for squash in squashes[:-1]:
-            if squash.bottom < clay.height:
-                answer = deform(clay, squash, material, slices=_WORKED)
-                clay = answer.clay if answer.status is Status.CONVERGED else clay
-        if squashes[-1].bottom < 0.9 * clay.height:
-            made += 1
-            yield Scene(clay, squashes[-1], material, worked)
-
-
-def _squash(rng: np.random.Generator, r0: float) -> Squash:
-    ratio = rng.uniform(1.03, 1.4) if rng.random() < 0.2 else rng.uniform(0.6, 0.97)
-    if rng.random() < 0.4:
-        bottom, height = rng.uniform(0.1, 0.4), rng.uniform(0.1, 0.5)
-    else:
-        bottom, height = 0.0, rng.uniform(0.1, 0.6)
-    return Squash(bottom, bottom + height, ratio * r0)
+    """The random population of the comparisons, its cylinders on few slices."""
+    for scene in random.population(count, seed):
+        few = Clay.cylinder(radius=float(scene.clay.radii[0]))
+        yield Scene(scene.clay if scene.worked else few, scene.squash, scene.material, scene.worked)
 
 
 MATERIALS = {

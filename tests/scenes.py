@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import numpy as np
 from oracles import population
 
@@ -58,3 +59,12 @@ def solved(problem):
 def gap(solution, best):
     """Energy above the certified minimum, over E_free."""
     return float(solution.energy - best.energy) / float(best.certificate.energy_free)
+
+
+def compilations():
+    """A list that grows with every compilation that jax does from here on."""
+    log = []
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda name, *_, **__: log.append(name) if "backend_compile" in name else None
+    )
+    return log

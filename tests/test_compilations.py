@@ -99,10 +99,11 @@ def test_a_second_process_compiles_nothing(tmp_path):
     folder, misses = tmp_path / "jaxclay" / "compilations", 0
     kept, hits, misses = solve(XDG_CACHE_HOME=str(tmp_path))
     assert kept == str(folder)
+    assert hits == 0
     assert misses >= 1
     assert folder.stat().st_mode & 0o077 == 0  # what lies there is run
     again = solve(XDG_CACHE_HOME=str(tmp_path))
-    assert again == (kept, hits + misses, 0)
+    assert again == (kept, misses, 0)
 
 
 def test_a_folder_can_be_named_even_after_something_was_compiled(tmp_path):

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scenes import MIDDLE, REFERENCE, SNAKE, cylinder_problem
+from scenes import MIDDLE, REFERENCE, SNAKE, compilations, cylinder_problem
 
 import jaxclay
 from jaxclay import METHODS, Clay, Material, Squash, deform, minimize, pose, rough_shape
@@ -91,15 +91,6 @@ def test_deform_can_be_compiled_and_mapped():
         assert mapped[2][j] == code == jaxclay.Status.CONVERGED
         np.testing.assert_allclose(mapped[0][j], heights, atol=1e-8)
         assert mapped[1][j] == pytest.approx(energy, rel=1e-11)
-
-
-def compilations():
-    """A list that grows with every compilation that jax does from here on."""
-    log = []
-    jax.monitoring.register_event_duration_secs_listener(
-        lambda name, *_, **__: log.append(name) if "backend_compile" in name else None
-    )
-    return log
 
 
 def test_new_values_compile_nothing():

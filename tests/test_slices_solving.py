@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
+from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE, compilations
 
 from jaxclay import (
     METHODS,
@@ -119,15 +119,6 @@ def test_given_the_nodes_units_do_not_matter():
         scaled = minimize(problem).raise_for_status()
         np.testing.assert_allclose(scaled.heights, 300 * small.heights, rtol=1e-9)
         assert scaled.energy == pytest.approx(small.energy, rel=1e-9)
-
-
-def compilations():
-    """A list that grows with every compilation that jax does from here on."""
-    log = []
-    jax.monitoring.register_event_duration_secs_listener(
-        lambda name, *_, **__: log.append(name) if "backend_compile" in name else None
-    )
-    return log
 
 
 def test_new_values_compile_nothing():

@@ -18,8 +18,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import jax
-
 from jaxclay.arrays import namespace
 from jaxclay.band import Rest
 from jaxclay.clay import Array
@@ -70,17 +68,6 @@ class Sums(NamedTuple):
     apart: Array
     between: Array
     turn: Array
-
-    def cut(self, first: Array, size: int) -> Sums:
-        """The sums of the slices first .. first + size - 1 alone."""
-
-        def part(values: Array, more: int) -> Array:
-            return jax.lax.dynamic_slice(values, (first,), (size + more,))
-
-        return Sums(
-            part(self.width, 0), part(self.slices, 0), part(self.nodes, 1),
-            part(self.apart, -1), part(self.between, -1), part(self.turn, -2),
-        )  # fmt: skip
 
 
 def radii(rest: Rest, sums: Sums, thickness: Array) -> Array:
