@@ -46,12 +46,17 @@ def repeat(steps: int, body: Callable[[T], T], carry: T) -> T:
         return jax.lax.fori_loop(0, steps, lambda _, carry: body(carry), carry)
     for _ in range(steps):
         following = body(carry)
-        leaves = zip(jax.tree.leaves(carry), jax.tree.leaves(following), strict=True)
-        settled = all(np.array_equal(a, b) for a, b in leaves)
+        settled = _same(carry, following)
         carry = following
         if settled:
             break
     return carry
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, tuple):
+        return all(map(_same, one, other))
+    return bool(np.all(one == other))
 
 
 def iterate(go_on: Callable[[T], Any], body: Callable[[T], T], carry: T) -> T:

@@ -327,8 +327,7 @@ def equal_nodes(slices: int) -> np.ndarray:
 def on_nodes(clay: Clay, nodes: Array) -> Clay:
     """The clay on other nodes; what lies on its own nodes stays bit for bit."""
     xp = namespace(clay, nodes)
-    y = clay.interpolant
-    heights, thickness = y.height(nodes), y.rise(nodes[:-1], nodes[1:])
+    heights, thickness = clay.interpolant.on(nodes)
     edges = clay.edges
     if xp is np:
         edges = edges[np.isin(edges[:, 0], nodes)]

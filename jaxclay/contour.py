@@ -51,10 +51,16 @@ def contour_error(clay: Clay, target: Clay) -> float:
     Not a number where either has no contour: an answer that failed may have slices of no or of
     negative thickness.
     """
+    return contour_error_upto(np.inf, clay, target)
+
+
+def contour_error_upto(limit: float, clay: Clay, target: Clay) -> float:
+    """The contour error where it is at most the limit, else some number between the two."""
     if not (_rises(clay) and _rises(target)):
         return float("nan")
-    a, b = polyline(clay), polyline(target)
-    return max(farthest(a, b), farthest(b, a)) / float(target.unit)
+    a, b, unit = polyline(clay), polyline(target), float(target.unit)
+    one_way = farthest(a, b, limit * unit)
+    return (one_way if one_way > limit * unit else max(one_way, farthest(b, a, limit * unit))) / unit
 
 
 def area_error(clay: Clay, target: Clay) -> float:

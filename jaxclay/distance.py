@@ -13,11 +13,11 @@ _STRIDES = (512, 64, 8, 1)  # every so many points the distance is taken, where 
 _PAIRS_AT_ONCE = 200_000
 
 
-def farthest(line: np.ndarray, other: np.ndarray) -> float:
+def farthest(line: np.ndarray, other: np.ndarray, limit: float = np.inf) -> float:
     """Largest distance from points along ``line`` (m, 2) to the polyline ``other`` (k, 2).
 
     Four points a segment are tried.  ``other`` must run from bottom to top: its
-    second coordinate never falls.
+    second coordinate never falls.  Beyond the limit some distance of a point will do.
     """
     fraction = np.arange(_POINTS_PER_SEGMENT)[:, None, None] / _POINTS_PER_SEGMENT
     points = line[:-1] + fraction * np.diff(line, axis=0)
@@ -36,6 +36,8 @@ def farthest(line: np.ndarray, other: np.ndarray) -> float:
             continue
         exact = _nearest(points[some], other, bound[some])
         best = max(best, exact.max())
+        if best > limit:
+            break
         after = np.searchsorted(some, np.arange(len(points)))
         for j in (np.maximum(after - 1, 0), np.minimum(after, len(some) - 1)):
             bound = np.minimum(bound, exact[j] + np.abs(way - way[some[j]]))

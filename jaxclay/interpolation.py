@@ -19,7 +19,7 @@ from jaxclay.arrays import fixed, namespace, pick, repeat
 
 _NEIGHBOURS = 5  # nodes that a slope is taken from
 _LEAST, _MOST = 0.05, 2.5  # of a slice's own slope: what a cubic piece may have at its ends
-_CUTS = 24  # of a piece, for the inverse, before two of Newton's steps
+_CUTS = 12  # of a piece, for the inverse, before Newton's steps
 
 Array = Any
 
@@ -58,7 +58,7 @@ class Interpolant(NamedTuple):
 
     def piece(self, u: Array) -> Array:
         """The piece that holds each u, the upper one at a node."""
-        return _last_before(namespace(self, u), self.nodes[1:-1], u)
+        return last_before(namespace(self, u), self.nodes[1:-1], u)
 
     def height(self, u: Array) -> Array:
         """Y(u); at a node its height bit for bit."""
@@ -90,7 +90,7 @@ class Interpolant(NamedTuple):
     def inverse(self, height: Array) -> Array:
         """U(y), the u with Y(u) = y, for heights from Y(0) to Y(1)."""
         xp = namespace(self, height)
-        piece = pick(self.table, _last_before(xp, self.heights[1:-1], height))
+        piece = pick(self.table, last_before(xp, self.heights[1:-1], height))
         wanted = height - piece[2]
 
         def cut(bounds):
@@ -103,23 +103,31 @@ class Interpolant(NamedTuple):
             return s - (_above(piece, s) - wanted) / (piece[1] * _slope(piece, s))
 
         low, high = repeat(_CUTS, cut, fixed((0.0 * wanted, 0.0 * wanted + 1)))
-        # Two steps carry the derivatives of the inverse, up to the third.
-        s = repeat(2, newton, fixed(xp.where(wanted > 0, (low + high) / 2, 0.0)))
+        # One step makes it exact, two carry the derivatives of the inverse, up to the third.
+        s = fixed(newton(fixed(xp.where(wanted > 0, (low + high) / 2, 0.0))))
+        s = newton(newton(s))
         s = xp.where(wanted > 0, xp.clip(s, 0.0, 1.0), 0.0)
         return piece[0] + s * piece[1]
 
-    def rise(self, low: Array, high: Array) -> Array:
-        """Y(high) - Y(low) without cancellation where both lie in one piece."""
-        xp = namespace(self, low, high)
-        i, j = self.piece(low), self.piece(high)
+    def on(self, u: Array) -> tuple[Array, Array]:
+        """Y at rising u (m+1,), and how far it rises between them (m,).
+
+        At nodes both are the heights and thicknesses there bit for bit, and nothing is cancelled
+        where two places lie in one piece.
+        """
+        xp = namespace(self, u)
+        i = self.piece(u)
         piece = pick(self.table, i)
-        _, width, _, a, b, c = piece
-        s, t = (low - piece[0]) / width, (high - piece[0]) / width
+        s = (u - piece[0]) / piece[1]
+        above = _above(piece, s)
+        heights = xp.where(s < 1, piece[2] + above, pick(self.heights, i + 1))
+        i, s, (start, width, _, a, b, c) = i[:-1], s[:-1], piece[:, :-1]
+        low, high = u[:-1], u[1:]
+        t = (high - start) / width
         one = (high - low) * (a + b * (s + t) + c * (s * s + s * t + t * t))
-        to_end = pick(self.thickness, i) - _above(piece, s)
-        ends = (j == i + 1) & (high == pick(self.nodes, j))
-        across = xp.where(ends, to_end, self.height(high) - self.height(low))
-        return xp.where(i == j, one, across)
+        rise = xp.where(t < 1, one, heights[1:] - heights[:-1])
+        to_end = pick(self.thickness, i) - above[:-1]
+        return heights, xp.where(high == pick(self.nodes, i + 1), to_end, rise)
 
 
 def _above(piece: Array, s: Array) -> Array:
@@ -133,7 +141,7 @@ def _slope(piece: Array, s: Array) -> Array:
     return a + s * (2 * b + 3 * c * s)
 
 
-def _last_before(xp, inner: Array, value: Array) -> Array:
+def last_before(xp, inner: Array, value: Array) -> Array:
     """How many of the inner nodes lie at or below each value: the piece that holds it."""
     if xp is np:
         return np.searchsorted(inner, value, side="right")
@@ -159,26 +167,50 @@ def interpolant(
     """
     xp = namespace(nodes, heights, thickness, edges, r0)
     mean = thickness / xp.diff(nodes)
-    n = thickness.shape[0]
-    index = xp.arange(n + 1)
     if edges.shape[0] == 0:
-        slope = _slopes(xp, nodes, heights, index, 0 * index, 0 * index + n)
-        start, stop = slope[:-1], slope[1:]
+        start, stop = _ends(nodes, heights, None)
     else:
         at = nodes[:, None] == edges[:, 0]
-        broken = xp.any(at, axis=1)
-        low = xp.maximum.accumulate(xp.where(broken, index, 0))[:-1]
-        high = xp.minimum.accumulate(xp.where(broken, index, n)[::-1])[::-1][1:]
+        broken = at.any(axis=1)
         first, last = xp.argmax(at, axis=1), edges.shape[0] - 1 - xp.argmax(at[:, ::-1], axis=1)
-        start, stop = (_slopes(xp, nodes, heights, i, low, high) for i in (index[:-1], index[1:]))
+        start, stop = _ends(nodes, heights, broken)
         start = xp.where(broken[:-1], ((r0 / edges[last, 1]) ** 2)[:-1], start)
         stop = xp.where(broken[1:], ((r0 / edges[first, 1]) ** 2)[1:], stop)
     least, most = _LEAST * mean, _MOST * mean
     start, stop = xp.clip(start, least, most), xp.clip(stop, least, most)
-    b, c = 3 * mean - 2 * start - stop, start + stop - 2 * mean
+    return _cubics(nodes, heights, thickness, start, stop)
+
+
+def displacement(nodes: Array, shift: Array, change: Array, broken: Array) -> Interpolant:
+    """The same through displacements (n+1,), ``change`` (n,) their differences, rising or not.
+
+    Broken at nodes where the (n+1,) bool array says so.
+    """
+    return _cubics(nodes, shift, change, *_ends(nodes, shift, broken))
+
+
+def _cubics(nodes: Array, heights: Array, thickness: Array, start, stop) -> Interpolant:
+    """Pieces of given slopes at both their ends."""
+    xp = namespace(nodes, heights, thickness, start, stop)
     width = nodes[1:] - nodes[:-1]
+    mean = thickness / width
+    b, c = 3 * mean - 2 * start - stop, start + stop - 2 * mean
     table = xp.stack([nodes[:-1], width, heights[:-1], start, b, c])
     return Interpolant(nodes, heights, thickness, table)
+
+
+def _ends(nodes: Array, heights: Array, broken: Array | None) -> tuple[Array, Array]:
+    """Slopes (n,) at the lower and upper ends of pieces, from one side of broken nodes."""
+    xp = namespace(nodes, heights, broken)
+    n = nodes.shape[0] - 1
+    index = xp.arange(n + 1)
+    if broken is None:
+        slope = _slopes(xp, nodes, heights, index, 0 * index, 0 * index + n)
+        return slope[:-1], slope[1:]
+    low = xp.maximum.accumulate(xp.where(broken, index, 0))[:-1]
+    high = xp.minimum.accumulate(xp.where(broken, index, n)[::-1])[::-1][1:]
+    start, stop = (_slopes(xp, nodes, heights, i, low, high) for i in (index[:-1], index[1:]))
+    return start, stop
 
 
 def _slopes(xp, nodes: Array, heights: Array, at: Array, low: Array, high: Array) -> Array:

@@ -58,8 +58,8 @@ def deform(
 ) -> Solution:
     """Squash the clay: pose (eqs. 10, 11), rough shape (12 to 19), minimum of E_total (9).
 
-    On the scheme "slices" newton solves three times, and each time the nodes go where the answer
-    before bends; so the problem is the same for every method.
+    On the scheme "slices" newton solves twice, on twice as many slices, up to 512, and then with
+    nodes where that answer bends; so the problem is the same for every method.
 
     Parameters
     ----------

@@ -95,7 +95,9 @@ def solve_side(side: Side, material: Material) -> Push:
     size, span = xp.abs(side.displacement), side.span
     free_push = rate * span
     moves = (size > 0) & (span > 0)
-    sigma = _looked_up(side, material) if xp is np and moves else None
+    sigma = None
+    if xp is np:
+        sigma = _looked_up(side, material) if moves else np.zeros(())
     above = sigma is not None  # the floor
     if not above:
         still = fixed((side, material))

@@ -71,11 +71,12 @@ def test_slope_and_rise_are_those_of_the_heights(clay):
     low, width = clay.material[:-1, None], np.diff(clay.material)[:, None]
     slope = clay.interpolant.slope(low + width * (points + 1) / 2)
     np.testing.assert_allclose((slope * weights).sum(axis=1) * width[:, 0] / 2, clay.thickness)
-    some = clay.material[:-1] + 0.3 * width[:, 0], clay.material[:-1] + 0.6 * width[:, 0]
-    rises = clay.interpolant.rise(*some)
-    np.testing.assert_allclose(
-        rises, clay.height_at(some[1]) - clay.height_at(some[0]), atol=1e-13 * float(clay.height)
-    )
+    some = np.sort(np.append(low + width * [0.0, 0.3, 0.6], 1.0))
+    heights, rises = clay.interpolant.on(some)
+    assert np.array_equal(heights, clay.height_at(some))
+    np.testing.assert_allclose(rises, np.diff(heights), atol=1e-13 * float(clay.height))
+    heights, rises = clay.interpolant.on(clay.material)
+    assert np.array_equal(heights, clay.heights) and np.array_equal(rises, clay.thickness)
 
 
 def volume(clay):

@@ -28,7 +28,7 @@ def test_the_contour_is_as_near_as_asked_and_the_estimate_says_how_near(toleranc
         assert answer.error_estimate <= tolerance
         assert 0.2 < answer.error_estimate / error < 5
         assert answer.clay.slices in refining.SIZES
-        assert len(answer.levels) >= 2
+        assert len(answer.levels) == np.log2(answer.clay.slices / 32)
 
 
 def test_a_coarser_tolerance_takes_fewer_slices():

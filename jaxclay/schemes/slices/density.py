@@ -10,9 +10,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from jaxclay.arrays import namespace
 from jaxclay.band import Band
-from jaxclay.clay import Clay, Material
+from jaxclay.clay import Material
+from jaxclay.interpolation import Interpolant, last_before
 
 Array = Any
 
@@ -24,28 +27,30 @@ _THINNEST_LAYER = 1e-3  # share of the clay
 _STRAIGHT = 1e-2  # total of a density that is rounding, or matters to no contour
 
 
-def bends(clay: Clay, edges: Array) -> tuple[Array, Array]:
-    """Middles of slices (n,) and the density there, broken at edges (m,) of bands, nodes."""
-    xp = namespace(clay, edges)
-    middle = (clay.material[1:] + clay.material[:-1]) / 2
-    X, Y_u = clay.radii, clay.thickness / (clay.material[1:] - clay.material[:-1])
-    stretch = xp.cumsum(xp.any(clay.material[:, None] == edges, axis=1))[:-1]
+def bends(nodes: Array, thickness: Array, r0: Array, edges: Array) -> tuple[Array, Array]:
+    """Middles of slices (n,) and the density there, broken at edges (m,) of bands, nodes.
+
+    Lengths over l.
+    """
+    xp = namespace(nodes, thickness, r0, edges)
+    middle = (nodes[1:] + nodes[:-1]) / 2
+    Y_u = thickness / (nodes[1:] - nodes[:-1])
+    X = r0 / Y_u**0.5
+    stretch = xp.cumsum((nodes[:, None] == edges).any(axis=1))[:-1]
     same = stretch[1:] == stretch[:-1]
     apart = middle[1:] - middle[:-1]
-    X_u, Y_uu = ((v[1:] - v[:-1]) / apart for v in (X, Y_u))
+    X_u, Y_uu = (X[1:] - X[:-1]) / apart, (Y_u[1:] - Y_u[:-1]) / apart
     turn = (apart[1:] + apart[:-1]) / 2
     inner = same[1:] & same[:-1]
-    bend = abs(X_u[1:] - X_u[:-1]) / turn + abs(Y_uu[1:] + Y_uu[:-1]) / 2
-    bend = xp.where(inner, bend, 0.0) / clay.unit
+    bend = inner * (abs(X_u[1:] - X_u[:-1]) / turn + abs(Y_uu[1:] + Y_uu[:-1]) / 2)
     # Beside an edge and at the ends the next slice of the same stretch speaks.
     none = xp.zeros(1)
-    bend = xp.concatenate([none, bend, none])
-    seen = xp.concatenate([none > 0, inner, none > 0])
-    for way in (1, -1):
-        moved, there = xp.roll(bend, way), xp.roll(seen & True, way)
-        fits = xp.concatenate([none > 0, same] if way == 1 else [same, none > 0])
-        take = ~seen & there & fits
-        bend, seen = xp.where(take, moved, bend), seen | take
+    bend, seen = xp.concatenate([none, bend, none]), xp.concatenate([none > 0, inner, none > 0])
+    take = same & seen[:-1] & ~seen[1:]
+    bend = xp.concatenate([bend[:1], xp.where(take, bend[:-1], bend[1:])])
+    seen = xp.concatenate([seen[:1], seen[1:] | take])
+    take = same & seen[1:] & ~seen[:-1]
+    bend = xp.concatenate([xp.where(take, bend[1:], bend[:-1]), bend[-1:]])
     density = xp.sqrt(bend)
     for _ in range(_SMOOTHED):
         below = xp.concatenate([density[:1], xp.where(same, density[:-1], density[1:])])
@@ -82,53 +87,44 @@ class Density(NamedTuple):
     def value(self, u: Array) -> Array:
         """The density at u (m,)."""
         xp = namespace(self, u)
-        near = xp.exp(-abs(u[:, None] - self.at) / self.length) * (self.amount / self.length / 2)
-        return self.even + xp.interp(u, self.middle, self.values) + xp.sum(near, axis=1)
+        near = xp.exp(-abs(u[:, None] - self.at) / self.length) @ (self.amount / self.length / 2)
+        return self.even + xp.interp(u, self.middle, self.values) + near
 
     def integral(self, u: Array) -> Array:
         """Its integral from some place to u (m,), exact: so that nodes move smoothly."""
         xp = namespace(self, u)
-        last = self.middle.shape[0] - 1
-        i = xp.sum(self.middle[1:last] <= u[:, None], axis=1)
+        i = last_before(xp, self.middle[1:-1], u)
         x, y = self.middle, self.values
-        at = xp.clip(u, x[0], x[-1])
-        slope = (y[i + 1] - y[i]) / (x[i + 1] - x[i])
-        lines = self.below[i] + (at - x[i]) * (y[i] + slope * (at - x[i]) / 2)
-        lines += xp.minimum(u - x[0], 0.0) * y[0] + xp.maximum(u - x[-1], 0.0) * y[-1]
+        at = xp.minimum(xp.maximum(u, x[0]), x[-1])
+        slope = (y[1:] - y[:-1]) / (x[1:] - x[:-1])
+        along = at - x[i]
+        lines = self.below[i] + along * (y[i] + slope[i] * along / 2)
+        beyond = xp.minimum(u - x[0], 0.0) * y[0] + xp.maximum(u - x[-1], 0.0) * y[-1]
         away = u[:, None] - self.at
-        near = xp.sign(away) * (1 - xp.exp(-abs(away) / self.length)) * self.amount / 2
-        return self.even * u + lines + xp.sum(near, axis=1)
+        near = (xp.sign(away) * (1 - xp.exp(-abs(away) / self.length))) @ (self.amount / 2)
+        return self.even * u + lines + beyond + near
 
 
-def _density(even, middle: Array, values: Array, at, length, amount, under=-1.0) -> Density:
-    """Of straight lines scaled to the integral ``amount[0]``, none where they are 0."""
-    xp = namespace(middle, values, at, length)
+def _density(even, middle, values, bent: float, at, length, amount, under=-1.0) -> Density:
+    """Of straight lines scaled to the integral ``bent``, none where they are 0."""
+    xp = namespace(middle, values, at, length, amount)
     parts = (middle[1:] - middle[:-1]) * (values[1:] + values[:-1]) / 2
-    below = xp.concatenate([middle[:1] * values[:1], xp.cumsum(parts) + middle[0] * values[0]])
+    first = middle[:1] * values[:1]
+    below = xp.concatenate([first, xp.cumsum(parts) + first])
     total = below[-1] + (1 - middle[-1]) * values[-1]
-    bent = total > _STRAIGHT
-    scale = xp.where(bent, amount[0] / xp.where(bent, total, 1.0), 0.0)
-    return Density(
-        even, middle, scale * values, scale * below, xp.stack(at), xp.stack(length),
-        xp.stack(amount[1:]), under,
-    )  # fmt: skip
+    matters = total > _STRAIGHT
+    scale = xp.where(matters, bent / xp.where(matters, total, 1.0), 0.0)
+    return Density(even, middle, scale * values, scale * below, at, length, amount, under)
 
 
-def before_solving(clay: Clay, band: Band, material: Material) -> Density:
-    """The density of the rest shape and of the layers that smoothing will make."""
-    xp = namespace(clay, band, material)
-    edges = [band.lower, band.upper]
+def before_solving(rest: Interpolant, r0: Array, edges: Array, band: Band, layers: Array):
+    """The density of the rest shape, broken at its edges, and of ``layers`` (2,) at the band's."""
+    xp = namespace(rest, r0, edges, band, layers)
+    at = xp.stack([band.lower, band.upper])
     # A layer's sides decay over two lengths of it.
-    length = [2 * layer(clay, edge, material) for edge in edges]
-    half = [xp.where((edge > 0) & (edge < 1), 0.5, 0.0) for edge in edges]
-    middle, values = bends(clay, clay.edges[:, 0])
-    return _density(_FLOOR, middle, values, edges, length, [0.5, *half], _UNDER)
-
-
-def layer(clay: Clay, edge: Array, material: Material) -> Array:
-    """Share of the clay over which smoothing rounds a step at the band's edge."""
-    unit = clay.unit
-    return layer_of(clay.interpolant.slope(edge) / unit, clay.r0 / unit**1.5, material)
+    half = xp.where((at > 0) & (at < 1), 0.5, 0.0)
+    middle, values = bends(rest.nodes, rest.thickness, r0, edges)
+    return _density(_FLOOR, middle, values, 0.5, at, 2 * layers, half, _UNDER)
 
 
 def layer_of(slope: Array, r0: Array, material: Material) -> Array:
@@ -142,18 +138,15 @@ def layer_of(slope: Array, r0: Array, material: Material) -> Array:
     return xp.clip(xp.maximum(la, lb), _THINNEST_LAYER, 1.0)
 
 
-def after_solving(answer: Clay, band: Band) -> Density:
+def after_solving(nodes: Array, thickness: Array, r0: Array, band: Band) -> Density:
     """The density of an answer's contour; its ends are extrapolated over half a slice."""
-    xp = namespace(answer, band)
-    middle, values = bends(answer, xp.stack([band.lower, band.upper]))
-    ends, length = [xp.zeros(()), xp.ones(())], [_END + xp.zeros(())] * 2
-    amount = [1 - _FLOOR - _AT_ENDS, *[_AT_ENDS + xp.zeros(())] * 2]
-    return _density(_FLOOR, middle, values, ends, length, amount)
+    xp = namespace(nodes, thickness, r0, band)
+    middle, values = bends(nodes, thickness, r0, xp.stack([band.lower, band.upper]))
+    total, two = 1 - _FLOOR - _AT_ENDS, xp.ones(2)
+    return _density(_FLOOR, middle, values, total, xp.arange(2.0), _END * two, _AT_ENDS * two)
 
 
-def even(clay: Clay) -> Density:
+def even() -> Density:
     """The density of slices that are equal on each stretch."""
-    xp = namespace(clay)
-    none = xp.zeros(1)
-    two = xp.asarray([0.0, 1.0])
+    none, two = np.zeros(1), np.arange(2.0)
     return Density(1.0, two, 0 * two, 0 * two, none, none + 1, none, -1.0)

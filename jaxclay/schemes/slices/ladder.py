@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxclay.interpolation import interpolant
+from jaxclay.interpolation import displacement
 from jaxclay.methods.base import lifted
 from jaxclay.problem import Problem
 from jaxclay.schemes.sums import Point
@@ -15,13 +15,12 @@ from jaxclay.schemes.sums import Point
 def carried(problem: Problem, answer: Any) -> Point:
     """An answer to the same squash of the same clay as a point of the problem, above the floor.
 
-    Its displacement between nodes is cubic, and nothing where it rests all around.
+    Its displacement between nodes is cubic, broken at edges of tools, and nothing where it rests
+    all around.
     """
-    after, posed, band = answer.clay, answer.problem, problem.band
-    before = posed.clay
-    kept = after.edges[~np.isin(after.edges[:, 0], [band.lower, band.upper])]
-    rest = interpolant(before.material, before.heights, before.thickness, kept, before.r0)
-    shape, u, unit = after.interpolant, problem.rest.material, float(before.unit)
-    shift = (shape.height(u) - rest.height(u)) / unit
-    change = (shape.rise(u[:-1], u[1:]) - rest.rise(u[:-1], u[1:])) / unit
+    solved, point, nodes = answer.problem, answer.point, answer.problem.rest.material
+    edges = np.append(solved.before.edges[:, 0], [solved.band.lower, solved.band.upper])
+    change = point.thickness - solved.rest.thickness
+    moved = displacement(nodes, point.shift, change, (nodes[:, None] == edges).any(axis=1))
+    shift, change = moved.on(problem.rest.material)
     return lifted(problem, problem.imposed(Point(problem.rest.thickness + change, shift)))

@@ -138,8 +138,9 @@ def locate(rest: Interpolant, r0, tool: Tool, material: Material, two_sided: Any
     at_bottom = tool.bottom <= rest.height(xp.asarray(_LEAST)) * two_sided
     tool = tool._replace(bottom=xp.where(at_bottom, 0.0, tool.bottom))
     share = density * (tool.top - tool.bottom)
-    start = rest.inverse(xp.clip(tool.bottom, 0.0, height))
-    start = xp.where(at_bottom, 0.0, start)
+    start = xp.zeros(())
+    if xp is not np or not at_bottom:
+        start = xp.where(at_bottom, 0.0, rest.inverse(xp.clip(tool.bottom, 0.0, height)))
     swallows = (start + share > 1 - _LEAST) & xp.logical_not(tool.top_fixed)
     lower, feasible = start, xp.asarray(True)
     if two_sided:

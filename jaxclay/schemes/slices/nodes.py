@@ -162,19 +162,21 @@ def _some(old: np.ndarray, count: int, density: Density, marks: np.ndarray) -> n
     """``count`` + 1 of the old nodes, less the first: ends, and those nearest to equal shares."""
     at = density.integral(old)
     share = at[0] + (at[-1] - at[0]) * np.arange(count + 1) / count
+    order, last = np.arange(count + 1), len(old) - 1
     chosen = np.rint(np.interp(share, at, np.arange(len(old)))).astype(int)
-    for i in range(1, count + 1):
-        chosen[i] = max(chosen[i], chosen[i - 1] + 1)
-    chosen[-1] = len(old) - 1
-    for i in range(count - 1, 0, -1):
-        chosen[i] = min(chosen[i], chosen[i + 1] - 1)
-    kept = marks[np.isin(marks, old)]
+    # Each beyond the one before, and below the one after.
+    chosen = np.maximum.accumulate(chosen - order) + order
+    chosen[-1] = last
+    chosen = np.minimum(chosen, last - order[::-1])
+    kept = marks[np.isin(marks, old)] if len(marks) else marks
     inner = _marked(old[chosen[1:-1]], Stretch(old[0], old[-1], 1), kept)
     return np.append(inner, old[-1])
 
 
 def _marked(inner: np.ndarray, stretch: Stretch, marks: np.ndarray) -> np.ndarray:
     """Nodes whose nearest one is moved onto each mark inside the stretch, each at most once."""
+    if not len(marks):
+        return inner
     inner, taken = inner.copy(), np.zeros(len(inner), bool)
     for mark in marks:
         if not stretch.low < mark < stretch.high or not len(inner):

@@ -7,7 +7,6 @@ edges, so that the contour can be differentiated by the tool's heights.
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from typing import Any, NamedTuple
 
@@ -25,7 +24,7 @@ from jaxclay.problem import Problem
 from jaxclay.schemes.slices import density as densities
 from jaxclay.schemes.slices import nodes as layout
 from jaxclay.schemes.slices.locate import locate
-from jaxclay.schemes.slices.weights import band_terms, sums_of
+from jaxclay.schemes.slices.weights import BandTerms, band_terms, sums_of
 from jaxclay.side import solve_sides
 from jaxclay.squash import Squash
 
@@ -41,7 +40,14 @@ _SHARES = (0.25, 0.125)  # of the slices, below and under the tool, where none c
 class Located(NamedTuple):
     """A squash whose band has been found; ``clay`` is that before it, lengths inside over l.
 
-    ``rest`` is its Y0(u) over l.
+    Attributes
+    ----------
+    rest : Interpolant
+        Y0(u).
+    layers : (2,) array
+        Share of the clay over which smoothing rounds a step at each edge of the band.
+    under : BandTerms
+        What E_total has of the clay under the tool.
     """
 
     clay: Clay
@@ -50,6 +56,8 @@ class Located(NamedTuple):
     tool: Tool
     material: Material
     band: Band
+    layers: Array
+    under: BandTerms
 
 
 @as_compiled()
@@ -64,7 +72,11 @@ def located(clay: Clay, squash: Squash, material: Material, two_sided: Any = Tru
     rest = clay.interpolant.over(unit)
     tool, r0 = tool_of(squash, unit), clay.r0 / unit**1.5
     band = locate(rest, r0, tool, material, two_sided)
-    return Located(clay, rest, r0, tool, material, band)
+    edges = namespace(band).stack([band.lower, band.upper])
+    layers = densities.layer_of(rest.slope(edges), r0, material)
+    return Located(
+        clay, rest, r0, tool, material, band, layers, band_terms(rest, r0, tool, material, band)
+    )
 
 
 def counted(slices: Any) -> tuple[int, tuple[int, int, int] | None]:
@@ -89,8 +101,6 @@ def problem_of(found: Located, nodes: Array) -> Problem:
     xp = namespace(found, nodes)
     unit = clay.unit
     on = on_nodes(clay, nodes)
-    if xp is np:
-        on = _as_it_was(clay, on)
     rest = Rest(on.thickness / unit, on.heights / unit, r0, nodes)
     held = rest.held(band)
     in_band = band.bottom + (r0 / found.tool.radius) ** 2 * (nodes - band.lower)
@@ -98,31 +108,16 @@ def problem_of(found: Located, nodes: Array) -> Problem:
     ends = (index == 0) | ((index == index[-1]) & found.tool.top_fixed)
     shift = xp.where(held & (index > 0), in_band - rest.heights, 0.0)
     sums = sums_of(nodes, held)
-    loose = xp.logical_not(held[1:] & held[:-1])
     first, last = xp.argmax(held), held.shape[0] - 1 - xp.argmax(held[::-1])
-    width = xp.stack(
-        [
-            xp.where(first > 0, (loose * sums.width)[first - 1], 0.0),
-            xp.where(last < loose.shape[0], (loose * sums.width)[last - loose.shape[0]], 0.0),
-        ]
-    )
-    terms = band_terms(found.rest, r0, found.tool, found.material, band, width)
+    beside = xp.stack([sums.slices[first - 1], sums.slices[last - sums.slices.shape[0]]])
+    there = xp.stack([first > 0, last < sums.slices.shape[0]])
+    terms = found.under.with_half_cells(xp.where(there, beside, 0.0))
     bare = unchecked_clay(on.heights, on.thickness, clay.r0, unit, nodes)
     before = clay if is_concrete(clay) else None
     return Problem(
         bare, rest, found.tool, found.material, band, held | ends, shift, sums, terms,
         before=before, scheme="slices",
     )  # fmt: skip
-
-
-def _as_it_was(old: Clay, new: Clay) -> Clay:
-    """The new clay, with the old thickness bit for bit where two old nodes are neighbours still."""
-    at = np.searchsorted(old.material, new.material)
-    kept = old.material[np.minimum(at, old.slices)] == new.material
-    same = kept[1:] & kept[:-1] & (np.diff(at) == 1)
-    lower = np.minimum(at[:-1], old.slices - 1)
-    thickness = np.where(same, old.thickness[lower], new.thickness)
-    return dataclasses.replace(new, thickness=thickness) if same.any() else new
 
 
 def pose_traced(
@@ -160,8 +155,9 @@ def pose_traced(
 
 def _density(found: Located, spacing: str) -> densities.Density:
     if spacing == "equal":
-        return densities.even(found.clay)
-    return densities.before_solving(found.clay, found.band, found.material)
+        return densities.even()
+    edges = found.clay.edges[:, 0]
+    return densities.before_solving(found.rest, found.r0, edges, found.band, found.layers)
 
 
 def pose_on_host(found: Located, slices: Any, spacing: str, answer: Any = None) -> Problem:
@@ -183,12 +179,14 @@ def pose_on_host(found: Located, slices: Any, spacing: str, answer: Any = None) 
     if counts is not None:
         return problem_of(found, _by_counts(found, counts, spacing))
     if spacing == "equal":
-        density, rests, marks = densities.even(found.clay), _NOWHERE, np.zeros(0)
+        density, rests, marks = densities.even(), _NOWHERE, np.zeros(0)
     elif answer is None:
         density, rests = _density(found, spacing), expected_rest(found)
         marks = _jumps(found.clay)
     else:
-        density, rests = densities.after_solving(answer.clay, band), found_rest(found, answer)
+        nodes, thickness = answer.problem.rest.material, answer.point.thickness
+        density = densities.after_solving(nodes, thickness, found.r0, band)
+        rests = found_rest(found, answer)
         marks = np.concatenate([_jumps(found.clay), _turns(answer)])
     pieces, tool = layout.stretches(found.clay, band, rests)
     if sum(piece.least for piece in pieces) > total:
@@ -213,12 +211,8 @@ def expected_rest(found: Located) -> tuple[float, float]:
     rest, band = found.rest, found.band
     slices = Rest(rest.thickness, rest.heights, found.r0, rest.nodes)
     below, above = solve_sides(sides(slices, found.tool, band), found.material)
-    spare = [
-        (1 + _BEYOND) * float(push.reach)
-        + _LAYERS * float(densities.layer(found.clay, edge, found.material))
-        for push, edge in ((below, band.lower), (above, band.upper))
-    ]
-    return float(band.lower) - spare[0], float(band.upper) + spare[1]
+    spare = (1 + _BEYOND) * np.array([below.reach, above.reach]) + _LAYERS * found.layers
+    return float(band.lower - spare[0]), float(band.upper + spare[1])
 
 
 def found_rest(found: Located, answer: Any) -> tuple[float, float]:

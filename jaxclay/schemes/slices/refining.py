@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxclay.contour import contour_error
+from jaxclay.contour import contour_error_upto
 from jaxclay.problem import Problem
 from jaxclay.schemes.slices.ladder import carried
 from jaxclay.schemes.slices.posing import Located, pose_on_host
@@ -20,7 +20,7 @@ from jaxclay.schemes.sums import Point
 from jaxclay.solution import Solution, Status
 
 SIZES = tuple(32 << i for i in range(7))  # slices that an answer to a tolerance may have
-_DIRECT = 256  # slices up to which the rough shape is near enough to start from
+_DIRECT = 512  # slices at most that the first answer is taken on, twice as many as wanted
 _MANY = 1024
 _SHARE = 3  # at second order the error is a third of the distance to half as many slices
 
@@ -39,9 +39,9 @@ Plan = Generator[Wanted, Solution, Solution]
 
 
 def on_slices(found: Located, slices: int) -> Plan:
-    """The answer on n slices, placed three times, the first time on not too many."""
+    """The answer on n slices, placed by one on twice as many, up to 512."""
     answers: list[Solution] = []
-    for size in (min(slices, _DIRECT), slices, slices):
+    for size in (min(2 * slices, _DIRECT), slices):
         answers.append((yield from _next(found, size, answers)))
         if answers[-1].status is Status.INFEASIBLE:
             break
@@ -51,26 +51,24 @@ def on_slices(found: Located, slices: int) -> Plan:
 def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:
     """The answer on as few slices as put its contour within the tolerance, over the unit l.
 
-    Twice as many slices each time, the first number placed twice, until the last two answers lie
-    within the tolerance of each other; ``error_estimate`` is a third of their distance, and from
-    1024 slices on it is enough that this is within the tolerance.  Where that does not happen the
-    answer is UNRESOLVED.
+    Twice as many slices each time, until the last two answers lie within the tolerance of each
+    other; ``error_estimate`` is a third of their distance, and from 1024 slices on it is enough
+    that this is within the tolerance.  Where that does not happen the answer is UNRESOLVED.
     """
     first, *more = sizes
     answers = [(yield from _next(found, first, []))]
     distance = np.inf
-    for size in (first, *more):
+    for size in more:
         if answers[-1].status is Status.INFEASIBLE:
             break
         answers.append((yield from _next(found, size, answers)))
-        if size == first:
-            continue
         last, before = answers[-1], answers[-2]
         both = last.status is Status.CONVERGED and before.status is Status.CONVERGED
-        distance = contour_error(last.clay, before.clay) if both else np.inf
         # So many that as many again would not fit: the estimate alone must do.
-        estimate = distance / (_SHARE if size >= _MANY else 1)
-        if estimate <= tolerance:
+        wanted = tolerance * (_SHARE if size >= _MANY else 1)
+        limit = wanted if size < more[-1] else np.inf
+        distance = contour_error_upto(limit, last.clay, before.clay) if both else np.inf
+        if distance <= wanted:
             break
     last = _with_levels(answers)
     code = last.status_code

@@ -12,7 +12,9 @@ changes its sign between two nodes.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from jaxclay.arrays import namespace
 from jaxclay.band import Band, Tool
@@ -24,7 +26,7 @@ from jaxclay.schemes.sums import Sums
 Array = Any
 
 _PARTS = 4  # of a slice of the rest shape, between which displacements are taken as straight
-_GAUSS = ((-(0.6**0.5), 5 / 9), (0.0, 8 / 9), (0.6**0.5, 5 / 9))
+_PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
 def sums_of(nodes: Array, held: Array) -> Sums:
@@ -57,35 +59,51 @@ def sums_of(nodes: Array, held: Array) -> Sums:
     )
 
 
-def band_terms(rest: Interpolant, r0, tool: Tool, material: Material, band: Band, width) -> Terms:
+class BandTerms(NamedTuple):
     """What E_total has of the clay under the tool, which no minimiser moves.
 
-    Its strain, friction and alpha Y_u^2 on the rest shape, friction's kink exact where the
-    displacement is straight, and friction's half cells beside its edges, of the first slices
-    outside it: ``width`` (2,), 0 where there are none.
+    Attributes
+    ----------
+    terms : Terms
+        Its strain, friction and alpha Y_u^2 on the rest shape.
+    edges : (2,) array
+        Friction at its edges, over a share of the clay.
     """
-    xp = namespace(rest, r0, tool, material, band, width)
+
+    terms: Terms
+    edges: Array
+
+    def with_half_cells(self, width: Array) -> Terms:
+        """With friction of the first slices beside the tool, (2,) shares, 0 where there are none.
+
+        Half of each counts at the edge.
+        """
+        return self.terms._replace(friction=self.terms.friction + (width * self.edges).sum() / 2)
+
+
+def band_terms(rest: Interpolant, r0, tool: Tool, material: Material, band: Band) -> BandTerms:
+    """The clay under the tool; friction's kink is exact where the displacement is straight."""
+    xp = namespace(rest, r0, tool, material, band)
     density = (r0 / tool.radius) ** 2
     share = xp.arange(_PARTS) / _PARTS
     step = rest.nodes[1:] - rest.nodes[:-1]
     u = (rest.nodes[:-1, None] + step[:, None] * share).reshape(-1)
     u = xp.clip(xp.concatenate([u, rest.nodes[-1:]]), band.lower, band.upper)
+    u = np.unique(u) if xp is np else u
     part = u[1:] - u[:-1]
-    strain = 0.0
-    for place, weight in _GAUSS:
-        slope = rest.slope(u[:-1] + part * (1 + place) / 2)
-        strain += xp.sum(part * weight / 2 * (density / slope - 1) ** 2)
+    slope = rest.slope(u[:-1, None] + part[:, None] * (1 + _PLACES) / 2)
+    strain = (part * ((density / slope - 1) ** 2 @ _WEIGHTS)).sum() / 2
     a = band.bottom + density * (u - band.lower) - rest.height(u)
+    edges = material.mu * abs(a[xp.asarray([0, -1])])
     a, b = a[:-1], a[1:]
     size = abs(a) + abs(b)
     turns = a * b < 0
     straight = xp.where(turns, (a * a + b * b) / xp.where(turns, size, 1.0), size) / 2
-    edges = xp.stack([rest.height(band.lower) - band.bottom, band.top - rest.height(band.upper)])
-    friction = xp.sum(part * straight) + xp.sum(width / 2 * abs(edges))
-    none = 0.0 * friction
-    return Terms(
+    none = 0.0 * strain
+    terms = Terms(
         strain=material.k / 2 * strain,
-        friction=material.mu * friction,
+        friction=material.mu * xp.sum(part * straight),
         tension=material.alpha * density**2 * (band.upper - band.lower),
         bending=none,
     )
+    return BandTerms(terms, edges)

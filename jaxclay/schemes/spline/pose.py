@@ -68,7 +68,7 @@ def _on_mesh(sliced: Problem, rest: Interpolant, *, degree: int, elements: int) 
     splines = space(left, length, degree, jnp.full(2 * elements, 0.5))
     u = left[:, None] + length[:, None] * gauss_points(GAUSS)[0]
     slopes = jnp.stack(rest.derivatives(u.reshape(-1)), axis=1)
-    terms = band_terms(rest, r0, tool, material, band, np.zeros(2))
+    terms = band_terms(rest, r0, tool, material, band).terms
     return _OnMesh(splines, fixed, shift, slopes, terms)
 
 
