@@ -56,16 +56,21 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
     size, sign, rate = abs(d), xp.sign(d), mu / k
     base = table.upto(edge)
 
-    def integrals(reach):
-        c = table.upto(xp.clip(edge + way * reach, 0.0, 1.0)) - base
+    def integrals(upto):
+        c = upto - base
         first = c[1] - edge * c[0]
         return way * c[0], first, way * (c[2] - 2 * edge * c[1] + edge**2 * c[0])
 
+    def reached(reach):
+        return table.upto(xp.minimum(xp.maximum(edge + way * reach, 0.0), 1.0))
+
     def displaced(reach):
-        m0, m1, _ = integrals(reach)
+        c = reached(reach) - base
+        m0, m1 = way * c[0], c[1] - edge * c[0]
         return rate * (reach * m0 - m1), rate * m0
 
-    whole = integrals(span)
+    # The integrals to the ends of the clay.
+    whole = integrals(xp.stack([0 * table.sums[:, -1], table.sums[:, -1]], axis=1)[:, :, None])
     most = rate * (span * whole[0] - whole[1])
     inside = (size < most) & (size > 0)
     slope = xp.stack([table.rest.slope(lower, "below"), table.rest.slope(upper)])
@@ -81,8 +86,9 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
 
     guess = xp.sqrt(2 * size / xp.where(rate > 0, rate, 1.0)) / slope
     guess = xp.where(inside, xp.minimum(guess, span), span)
-    reach = repeat(2, newton, fixed(repeat(_NEWTON, nearly, fixed(guess))))
-    m0, m1, m2 = integrals(reach)
+    # One step makes it exact, two carry its derivatives.
+    reach = newton(fixed(newton(fixed(repeat(_NEWTON, nearly, fixed(guess))))))
+    m0, m1, m2 = integrals(reached(reach))
     more = (size - most) / xp.where(whole[0] > 0, whole[0], 1.0)
     sigma = xp.where(inside, rate * reach, rate * span + xp.where(held, more, 0.0))
     sigma = xp.where((size > 0) & (span > 0), sigma, 0.0)

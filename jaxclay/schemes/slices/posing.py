@@ -64,7 +64,9 @@ class Located(NamedTuple):
 def located(clay: Clay, squash: Squash, material: Material, two_sided: Any = True) -> Located:
     """Find the band; ``two_sided`` is False where it is known to begin at the bottom."""
     if is_concrete(clay, squash, material):
-        clay, squash, material = as_float64((clay, squash, material))
+        squash, material = as_float64((squash, material))
+        # As it is it knows its interpolant.
+        clay = clay if namespace(clay) is np else as_float64(clay)
         two_sided = bool(squash.bottom > 0)
     else:
         clay, squash, material = jax.tree.map(jnp.asarray, (clay, squash, material))
