@@ -59,8 +59,10 @@ def contour_error_upto(limit: float, clay: Clay, target: Clay) -> float:
     if not (_rises(clay) and _rises(target)):
         return float("nan")
     a, b, unit = polyline(clay), polyline(target), float(target.unit)
-    one_way = farthest(a, b, limit * unit)
-    return (one_way if one_way > limit * unit else max(one_way, farthest(b, a, limit * unit))) / unit
+    error = farthest(a, b, limit * unit)
+    if error <= limit * unit:
+        error = max(error, farthest(b, a, limit * unit))
+    return error / unit
 
 
 def area_error(clay: Clay, target: Clay) -> float:

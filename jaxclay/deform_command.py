@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import jaxclay
+from jaxclay.checks import check_tolerance
 from jaxclay.profiles import loaded
 
 _SLICES = 64
@@ -78,6 +79,11 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
     if options.tolerance is None:
         kept = clay.slices if error == 0 else _SLICES  # a file that jaxclay wrote is exact
         chosen["slices"] = options.slices or kept
+    elif error > options.tolerance:
+        raise ValueError(
+            f"{options.profile} in {clay.slices} slices is already {error:.2g} of the height off, "
+            f"more than --tolerance {options.tolerance:g}: ask for {1.1 * error:.2g} or more"
+        )
     solution = None
     for text, squash in zip(options.squash, squashes, strict=True):
         interrupt()
@@ -102,6 +108,7 @@ def _chosen(options: argparse.Namespace) -> dict[str, Any]:
             raise ValueError(
                 "--tolerance goes without --slices, --scheme and --method: give one or the other"
             )
+        check_tolerance(options.tolerance)
         return {"tolerance": options.tolerance}
     method = options.method or "newton"
     most = _MOST_BANDED if method == "newton" else _MOST_SLICES

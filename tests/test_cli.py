@@ -122,6 +122,10 @@ BAD = {
         ["teapot", "--squash", SQUASH, "--tolerance", "1e-3", "--slices", "64"],
         "one or the other",
     ),
+    "coarser than the tolerance": (
+        ["teapot", "--squash", SQUASH, "--tolerance", "1e-5"],
+        "teapot in 2048 slices .*1.7e-05.* ask for 1.8e-05",
+    ),
     "held end": (["teapot", "--squash", "1:3:1.5", "--top-fixed"], "no room.*3"),
     "no room for the floor": (
         ["teapot", "--squash", "0:2.24:1.5", "--top-fixed"],

@@ -76,7 +76,8 @@ def test_slope_and_rise_are_those_of_the_heights(clay):
     assert np.array_equal(heights, clay.height_at(some))
     np.testing.assert_allclose(rises, np.diff(heights), atol=1e-13 * float(clay.height))
     heights, rises = clay.interpolant.on(clay.material)
-    assert np.array_equal(heights, clay.heights) and np.array_equal(rises, clay.thickness)
+    assert np.array_equal(heights, clay.heights)
+    assert np.array_equal(rises, clay.thickness)
 
 
 def volume(clay):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 
 from jaxclay._host import check_float64, compiled, in_float64, is_concrete
 from jaxclay.checks import check_whole
