@@ -20,7 +20,7 @@ from jaxclay.schemes.sums import Point
 from jaxclay.solution import Solution, Status
 
 SIZES = tuple(32 << i for i in range(7))  # slices that an answer to a tolerance may have
-_DIRECT = 512  # slices at most that the first answer is taken on, twice as many as wanted
+_DIRECT = 512  # slices at most that the first answer is taken on
 _MANY = 1024
 _SHARE = 3  # at second order the error is a third of the distance to half as many slices
 
@@ -39,9 +39,9 @@ Plan = Generator[Wanted, Solution, Solution]
 
 
 def on_slices(found: Located, slices: int) -> Plan:
-    """The answer on n slices, placed by one on twice as many, up to 512."""
+    """The answer on n slices, placed by one on four times as many, up to 512."""
     answers: list[Solution] = []
-    for size in (min(2 * slices, _DIRECT), slices):
+    for size in (min(4 * slices, _DIRECT), slices):
         answers.append((yield from _next(found, size, answers)))
         if answers[-1].status is Status.INFEASIBLE:
             break
