@@ -79,7 +79,7 @@ def _child(name: str, empty: str) -> list[list[float]]:
 def _command(empty: str) -> list[float]:
     """The same for the whole process of the command line, which tells its CPU seconds alone."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    code = "from jaxclay.cli import entry; entry()"
+    code = "from jaxclay.cli.main import entry; entry()"
     _run([sys.executable, "-c", code, *_TEAPOT, str(Path(empty) / "out.csv")], empty)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -14,13 +14,13 @@ from slices_scenes import Scene, population
 
 import jaxclay
 from jaxclay import Clay, Material, Squash
-from jaxclay.certified_newton import packed, program
-from jaxclay.compare.peers import prepare
-from jaxclay.compare.solves import compiled_call
-from jaxclay.loop import cold
+from jaxclay.experiments.compare.peers import prepare
+from jaxclay.experiments.compare.solves import compiled_call
+from jaxclay.methods.loop import cold
 from jaxclay.methods.newton import NewtonSettings
-from jaxclay.problem import Problem
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.posing import located
+from jaxclay.solve.certified_newton import packed, program
 
 SEED = 21
 K = banded_solve(512)

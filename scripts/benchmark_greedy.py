@@ -15,9 +15,9 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 import jax
 
 import jaxclay
-from jaxclay._host import as_float64
-from jaxclay.loop import cold, solve
-from jaxclay.minimize import method_settings
+from jaxclay.methods.loop import cold, solve
+from jaxclay.numerics.host import as_float64
+from jaxclay.solve.minimize import method_settings
 
 SWEEPS, RUNS = 4000, 9
 

@@ -22,7 +22,7 @@ from slices_scenes import FLARED, MATERIALS, population, session
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, contour_error, deform
-from jaxclay.compare.solves import compiled_call
+from jaxclay.experiments.compare.solves import compiled_call
 
 
 class Effort(NamedTuple):

@@ -30,11 +30,11 @@ from threadpoolctl import threadpool_limits
 from throughput_scenes import WAYS, scenes
 
 import jaxclay
-from jaxclay._host import Compiled
-from jaxclay.compare.solves import on_device
-from jaxclay.sweep.backends import cores, one_thread
-from jaxclay.sweep.batched import CAPACITY, stack
-from jaxclay.sweep.timing import pinned
+from jaxclay.experiments.compare.solves import on_device
+from jaxclay.experiments.sweep.backends import cores, one_thread
+from jaxclay.experiments.sweep.batched import CAPACITY, stack
+from jaxclay.experiments.sweep.timing import pinned
+from jaxclay.numerics.host import Compiled
 
 _SINGLE = 400  # calls that are timed one after the other
 _TIMES_SINGLE, _SECOND_CORE = 3.0, 1.7  # the bounds

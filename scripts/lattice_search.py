@@ -25,11 +25,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 import jaxclay
-from jaxclay._host import compiled, in_float64
-from jaxclay.compare.scenes import Scene, packaged_scenes
-from jaxclay.methods.base import lifted
+from jaxclay.experiments.compare.scenes import Scene, packaged_scenes
 from jaxclay.methods.lattice import best_on_lattice, label_steps
-from jaxclay.problem import Problem
+from jaxclay.numerics.host import compiled, in_float64
+from jaxclay.schemes.base import lifted
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.sums import Point
 
 GRIDS = (32, 64)

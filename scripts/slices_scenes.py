@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxclay import Clay, Material, Squash, Status, deform
-from jaxclay.compare import population as random
+from jaxclay.experiments.compare import population as random
 
 SQUASHES = 20  # of a session
 FLARED = 2.0  # times the first radius: lips beyond that are listed apart

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jaxclay
-from jaxclay.compare.population import population
+from jaxclay.experiments.compare.population import population
 
 _SLICES = 64
 _TOLERANCE = 1e-4

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from sweeps import compiled_once, experiment, read, whole  # noqa: F401 (fixtures)
 
-from jaxclay._host import let_go
+from jaxclay.numerics.host import let_go
 
 _BOTTLES = Path(__file__).resolve().parents[2] / "shared" / "profiles"
 
@@ -23,7 +23,9 @@ def own_lock(tmp_path_factory):
     """Other timing runs on the machine, such as those of other tests, do not stop these."""
     with pytest.MonkeyPatch.context() as patch:
         with contextlib.suppress(ImportError):
-            patch.setattr("jaxclay.sweep.timing._LOCKS", tmp_path_factory.mktemp("locks"))
+            patch.setattr(
+                "jaxclay.experiments.sweep.timing._LOCKS", tmp_path_factory.mktemp("locks")
+            )
         yield
 
 

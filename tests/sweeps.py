@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from jaxclay.cli import main
-from jaxclay.compare import load
+from jaxclay.cli.main import main
+from jaxclay.experiments.compare import load
 
 GREEDY = """\
 kind = "throughput"
@@ -25,8 +25,8 @@ TEXT = GREEDY + '[[methods]]\nname = "greedy-refined"\n'
 COUNT = 24
 # Two tasks a file, so that there are many moments between two of them.
 COMMAND = (
-    "import sys; from jaxclay.sweep import estimate; estimate._MOST = 2;"
-    "from jaxclay.cli import entry; sys.argv[0] = 'jaxclay';"
+    "import sys; from jaxclay.experiments.sweep import estimate; estimate._MOST = 2;"
+    "from jaxclay.cli.main import entry; sys.argv[0] = 'jaxclay';"
     "entry() if __name__ == '__main__' else None"
 )
 
@@ -63,7 +63,7 @@ def read(tmp_path):
     def from_text(text, **more):
         path = tmp_path / "one.toml"
         path.write_text(text)
-        from jaxclay.sweep.experiment import read_experiment  # of an extra
+        from jaxclay.experiments.sweep.experiment import read_experiment  # of an extra
 
         return read_experiment(path, **more)
 

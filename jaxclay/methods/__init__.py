@@ -1,4 +1,11 @@
-"""The methods, one file each; :data:`METHODS` is the table of them."""
+"""Minimisers, one file each; :data:`METHODS` is the table of them.
+
+Choose ``newton`` unless you study methods: the others are baselines, or the paper's own.
+``base``: what a method is; ``loop``: the one loop that runs them; ``choice``: a name and settings
+to a method.
+
+It may import ``numerics``, ``clay``, ``model`` and ``schemes``.
+"""
 
 from __future__ import annotations
 

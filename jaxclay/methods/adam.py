@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay._host import is_concrete, pytree
-from jaxclay.clay import Array
 from jaxclay.methods.base import check_setting
 from jaxclay.methods.smoothed import Descent, Task, method
 from jaxclay.methods.thickness import EPS, BoundedSettings, eliminated
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import is_concrete, pytree
 
 _PATIENCE = 20  # iterations without a new least energy before the step is halved
 _SMALL = 1e-6  # change of stretch from whose gradient on steps shrink in proportion, Adam's epsilon

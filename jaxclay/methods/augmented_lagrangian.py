@@ -22,16 +22,17 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay._host import pytree
-from jaxclay.clay import Array
-from jaxclay.energy import integrate_smooth
-from jaxclay.methods.base import Method, State, lifted, no_forces
+from jaxclay.methods.base import Method, State
 from jaxclay.methods.coordinates import Unbounded
 from jaxclay.methods.lbfgs import JAXOPT
 from jaxclay.methods.smoothed import PLAIN_EPS, DescentSettings, Task
 from jaxclay.methods.stages import Stage, first_stage, next_stage
-from jaxclay.problem import Problem
+from jaxclay.model.energy import integrate_smooth
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import pytree
 from jaxclay.schemes import sums
+from jaxclay.schemes.base import lifted, no_forces
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.sums import Point
 
 _GROWTH = 10.0  # of rho

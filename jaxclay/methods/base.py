@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from jaxclay.arrays import namespace
-from jaxclay.certificate import Forces
-from jaxclay.checks import as_number
-from jaxclay.clay import Array
-
-AnyProblem = Any  # of either scheme: Problem or SplineProblem
-AnyPoint = Any  # and its point
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.checks import as_number
+from jaxclay.schemes.base import AnyPoint, AnyProblem, Forces
 
 
 class State(NamedTuple):
@@ -66,22 +62,6 @@ class Method(NamedTuple):
     resume: Callable[[AnyProblem, AnyPoint, Forces, Array, Any], State] | None = None
     splines: bool = False
     folded: bool = False
-
-
-def no_forces(problem: AnyProblem) -> Forces:
-    """Zero multipliers."""
-    xp = namespace(problem.friction_limit)
-    return Forces(xp.zeros_like(problem.friction_limit), xp.zeros_like(problem.floor))
-
-
-def lifted(problem: AnyProblem, point: AnyPoint) -> AnyPoint:
-    """The point moved no further than needed for every slice to reach the floor."""
-    xp = namespace(problem.shift, point)
-    even = problem.evened(point, 1.0).thickness
-    low = problem.loose & (point.thickness < problem.floor)
-    gained = xp.where(low, even - point.thickness, 1.0)
-    fraction = xp.where(low, (problem.floor - point.thickness) / gained, 0.0)
-    return problem.evened(point, xp.clip(xp.max(fraction), 0.0, 1.0))
 
 
 def check_setting(name: str, value: float, low: float, high: float = float("inf")) -> None:

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 
-from jaxclay import banded
-from jaxclay.clay import Array
-from jaxclay.methods.base import AnyPoint, AnyProblem
 from jaxclay.methods.springs import Springs
 from jaxclay.methods.stages import Stage
-from jaxclay.problem import Problem
+from jaxclay.numerics import banded
+from jaxclay.numerics.arrays import Array
+from jaxclay.schemes.base import AnyPoint, AnyProblem
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.system import Linear
+from jaxclay.schemes.system import Linear
 
 _POWERS = 20
 AnyStage = Any  # Stage or Springs

@@ -18,11 +18,12 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay._host import is_concrete, pytree
-from jaxclay.clay import Array
-from jaxclay.methods.base import Method, State, check_setting, no_forces
-from jaxclay.problem import Problem
+from jaxclay.methods.base import Method, State, check_setting
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import is_concrete, pytree
 from jaxclay.schemes import sums
+from jaxclay.schemes.base import no_forces
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.sums import Point
 
 _APART = 4  # nodes between lanes: one more than the reach of a move

@@ -28,11 +28,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import is_concrete, pytree
-from jaxclay.clay import Array
-from jaxclay.energy import bending_density, friction_density, strain_density, tension_density
-from jaxclay.methods.base import Method, State, check_setting, no_forces
-from jaxclay.problem import Problem
+from jaxclay.methods.base import Method, State, check_setting
+from jaxclay.model.energy import bending_density, friction_density, strain_density, tension_density
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import is_concrete, pytree
+from jaxclay.schemes.base import no_forces
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.sums import Point
 
 _ROUNDING = 1e-12  # of the energy: a smaller fall is none

@@ -7,7 +7,7 @@ Where the Hessian is not positive definite, as on every rough shape with a jump
 of radius, Gauss and Newton's takes its place.  At the end the nodes that hardly
 moved are put back to rest exactly.
 
-Every step is O(n): the Hessian comes in bands, factored by :mod:`jaxclay.banded`.
+Every step is O(n): the Hessian comes in bands, factored by :mod:`jaxclay.numerics.banded`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import is_concrete, pytree
-from jaxclay.arrays import namespace
-from jaxclay.certificate import SMALL, Forces
-from jaxclay.clay import Array
-from jaxclay.methods.base import AnyPoint, AnyProblem, Method, State, check_setting, no_forces
+from jaxclay.methods.base import Method, State, check_setting
+from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.host import is_concrete, pytree
+from jaxclay.schemes.base import SMALL, AnyPoint, AnyProblem, Forces, Pull, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
@@ -100,22 +99,6 @@ def resume(
     pushes = xp.where(near, xp.maximum(forces.floor, pushes), pushes)
     nothing = 0 * xp.argmax(limit)
     return State(point, Forces(lam, pushes), nothing, xp.max(problem.free) == 0, memory)
-
-
-class Pull(NamedTuple):
-    """What a step asks of the linear model: curvatures beside the Hessian's own, and the force.
-
-    ``shift`` times the Hessian's largest entry is added everywhere; where ``gauss`` is 1 the
-    Hessian is that of Gauss and Newton.  ``energy`` is E_free, ``weight`` the barrier's.
-    """
-
-    floor: Array
-    friction: Array
-    shift: Array
-    gauss: Array
-    force: Array
-    energy: Array
-    weight: Array
 
 
 def step(problem: AnyProblem, state: State, settings: NewtonSettings) -> State:

@@ -15,20 +15,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay._host import is_concrete, pytree
-from jaxclay.clay import Array
-from jaxclay.methods.base import (
-    AnyPoint,
-    AnyProblem,
-    Method,
-    State,
-    check_setting,
-    lifted,
-    no_forces,
-)
+from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.methods.coordinates import AnyStage, Bounds, Chart, Coordinates
 from jaxclay.methods.springs import Springs, first_springs, next_springs
 from jaxclay.methods.stages import first_stage, next_stage
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import is_concrete, pytree
+from jaxclay.schemes.base import AnyPoint, AnyProblem, lifted, no_forces
 from jaxclay.schemes.spline.problem import SplineProblem
 
 # Smoothing of friction, over the unit l.  In Y the kinks soon stop L-BFGS; scaled coordinates

@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxclay.certificate import DECREMENT, SMALL, Forces
-from jaxclay.clay import Array
+from jaxclay.numerics.arrays import Array
+from jaxclay.schemes.base import DECREMENT, SMALL, Forces
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Point
 

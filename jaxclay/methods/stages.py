@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxclay.certificate import SMALL, Forces
-from jaxclay.clay import Array
-from jaxclay.methods.base import no_forces
-from jaxclay.problem import Problem
+from jaxclay.numerics.arrays import Array
+from jaxclay.schemes.base import SMALL, Forces, no_forces
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.sums import Point
 
 _PINNINGS = 10

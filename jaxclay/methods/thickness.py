@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxclay._host import pytree
-from jaxclay.clay import Array
 from jaxclay.methods.coordinates import Coordinates
 from jaxclay.methods.smoothed import DescentSettings
 from jaxclay.methods.stages import Stage
-from jaxclay.problem import Problem
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import pytree
+from jaxclay.schemes.problem import Problem
 
 EPS = (1e-2, 1e-3, 1e-4, 1e-5)  # friction's smoothing, over the unit l; the pins do the rest
 

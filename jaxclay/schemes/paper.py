@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from jaxclay.clay import Array
+from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.sums import Sums
 
 

@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from jaxclay.arrays import namespace
-from jaxclay.band import Rest
-from jaxclay.clay import Array
-from jaxclay.energy import Samples, Weights
+from jaxclay.model.band import Rest
+from jaxclay.model.energy import Samples, Weights
+from jaxclay.numerics.arrays import Array, namespace
 
 
 class Point(NamedTuple):

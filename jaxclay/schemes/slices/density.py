@@ -8,16 +8,14 @@ and (alpha c / k)^(1/2).  Afterwards it is an answer's, with some more slices at
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.arrays import namespace
-from jaxclay.band import Band
-from jaxclay.clay import Material
-from jaxclay.interpolation import Interpolant, last_before
-
-Array = Any
+from jaxclay.model.band import Band
+from jaxclay.model.material import Material
+from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.interpolation import Interpolant, last_before
 
 _SMOOTHED = 1
 _FLOOR = 0.15  # of the mean density

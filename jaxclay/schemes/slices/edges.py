@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jaxclay.clay import Clay, unchecked_clay
-from jaxclay.problem import Problem
+from jaxclay.clay.clay import Clay, unchecked_clay
+from jaxclay.schemes.problem import Problem
 
 
 def with_edges(clay: Clay, problem: Problem, shift: np.ndarray) -> Clay:

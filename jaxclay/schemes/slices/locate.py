@@ -1,13 +1,14 @@
 """Which clay the tool's band holds, on the smooth rest shape: the band of least E_move.
 
-The sliced cylinder model of :mod:`jaxclay.side` with integrals of u^j Y0_u^2 over cubic pieces,
-exact, in place of sums over slices of constant slope: a side displaced by d is pushed by sigma at
-the band's edge and to the reach r, where with m_j the integral of x^j Y0_u^2 from the edge to r
+The sliced cylinder model of :mod:`jaxclay.model.side` with integrals of u^j Y0_u^2 over cubic
+pieces, exact, in place of sums over slices of constant slope: a side displaced by d is pushed by
+sigma at the band's edge and to the reach r, where with m_j the integral of x^j Y0_u^2 from the edge
+to r
 
     D = sigma m_0 - mu/k m_1 = |d|,    sigma = mu/k r while r lies within the side.
 
 D is convex in r, so Newton's method from beyond its root comes down to it.  Where the thickness
-floor binds on a side, :mod:`jaxclay.side` answers for it on the slices' own slopes.
+floor binds on a side, :mod:`jaxclay.model.side` answers for it on the slices' own slopes.
 """
 
 from __future__ import annotations
@@ -17,15 +18,13 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from jaxclay.arrays import fixed, iterate, namespace, repeat
-from jaxclay.band import Band, Tool
-from jaxclay.clay import Material
-from jaxclay.interpolation import Interpolant
-from jaxclay.scalar_search import follow
+from jaxclay.model.band import Band, Tool
+from jaxclay.model.material import Material
+from jaxclay.model.side import Side, edge_tension, move_energy, solve_side
+from jaxclay.numerics.arrays import Array, fixed, iterate, namespace, repeat
+from jaxclay.numerics.interpolation import Interpolant
+from jaxclay.numerics.roots import follow
 from jaxclay.schemes.slices.moments import Moments, moments
-from jaxclay.side import Side, edge_tension, move_energy, solve_side
-
-Array = Any
 
 _LEAST = 1e-5  # share of the clay below a band above the bottom, and above one below the top
 _PLACES_AT_ONCE = 33  # of the search

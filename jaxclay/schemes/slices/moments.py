@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.arrays import namespace, pick
-from jaxclay.interpolation import Interpolant
-
-Array = Any
+from jaxclay.numerics.arrays import Array, namespace, pick
+from jaxclay.numerics.interpolation import Interpolant
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _PLACES, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2

@@ -6,16 +6,14 @@ heights there stay what they were, bit for bit, squash after squash.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.arrays import fixed, namespace, repeat
-from jaxclay.band import Band
-from jaxclay.clay import Clay
+from jaxclay.clay.clay import Clay
+from jaxclay.model.band import Band
+from jaxclay.numerics.arrays import Array, fixed, namespace, repeat
 from jaxclay.schemes.slices.density import Density
-
-Array = Any
 
 IN_BAND, BESIDE = 2, 4  # least slices under the tool and on a side
 _CUTS = 20  # of a stretch, on the way to a node

@@ -14,21 +14,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay._host import as_compiled, as_float64, is_concrete
-from jaxclay.arrays import namespace
-from jaxclay.band import Band, Rest, Tool, sides, tool_of
-from jaxclay.checks import check_whole
-from jaxclay.clay import Clay, Material, on_nodes, unchecked_clay
-from jaxclay.interpolation import Interpolant
-from jaxclay.problem import Problem
+from jaxclay.clay.clay import Clay, on_nodes, unchecked_clay
+from jaxclay.model.band import Band, Rest, Tool, sides, tool_of
+from jaxclay.model.material import Material
+from jaxclay.model.side import solve_sides
+from jaxclay.model.squash import Squash
+from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.checks import check_whole
+from jaxclay.numerics.host import as_compiled, as_float64, is_concrete
+from jaxclay.numerics.interpolation import Interpolant
+from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices import density as densities
 from jaxclay.schemes.slices import nodes as layout
 from jaxclay.schemes.slices.locate import locate
 from jaxclay.schemes.slices.weights import BandTerms, band_terms, sums_of
-from jaxclay.side import solve_sides
-from jaxclay.squash import Squash
 
-Array = Any
 SPACINGS = ("placed", "equal")
 
 _BEYOND = 0.25  # of the reach of the sliced cylinder model, beyond which clay is expected to rest

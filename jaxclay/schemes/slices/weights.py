@@ -12,18 +12,16 @@ changes its sign between two nodes.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.arrays import namespace
-from jaxclay.band import Band, Tool
-from jaxclay.clay import Material
-from jaxclay.energy import Terms
-from jaxclay.interpolation import Interpolant
+from jaxclay.model.band import Band, Tool
+from jaxclay.model.energy import Terms
+from jaxclay.model.material import Material
+from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.sums import Sums
-
-Array = Any
 
 _PARTS = 4  # of a slice of the rest shape, between which displacements are taken as straight
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(3)

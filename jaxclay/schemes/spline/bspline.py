@@ -12,7 +12,7 @@ from math import comb
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay.clay import Array
+from jaxclay.numerics.arrays import Array
 
 
 def _knots(degree: int, elements: int) -> np.ndarray:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from jaxclay.band import Band
-from jaxclay.clay import Array
+from jaxclay.model.band import Band
+from jaxclay.numerics.arrays import Array
 
 
 def spans(band: Band, elements: int) -> tuple[Array, Array]:

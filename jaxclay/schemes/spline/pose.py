@@ -6,20 +6,22 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxclay._host import check_float64, compiled, in_float64, is_concrete
-from jaxclay.checks import check_whole
-from jaxclay.clay import Array, Clay, Material
-from jaxclay.energy import Terms
-from jaxclay.interpolation import Interpolant
-from jaxclay.problem import Problem
+from jaxclay.clay.clay import Clay
+from jaxclay.model.energy import Terms
+from jaxclay.model.material import Material
+from jaxclay.model.squash import Squash
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.checks import check_whole
+from jaxclay.numerics.host import check_float64, compiled, in_float64, is_concrete
+from jaxclay.numerics.interpolation import Interpolant
+from jaxclay.schemes.problem import Problem
+from jaxclay.schemes.rough import rough_shape
 from jaxclay.schemes.slices.posing import located, pose_on_host, pose_traced
 from jaxclay.schemes.slices.weights import band_terms
 from jaxclay.schemes.spline import mesh
 from jaxclay.schemes.spline.bspline import gauss_points
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import GAUSS, Space, space
-from jaxclay.scm import rough_shape
-from jaxclay.squash import Squash
 
 _SLICES = 32  # of the answer's clay, at least
 

@@ -9,17 +9,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay import _repr, banded
-from jaxclay._host import pytree
-from jaxclay.band import Band, Tool
-from jaxclay.banded import Factor, Model
-from jaxclay.clay import Array, Clay, Material
-from jaxclay.energy import Terms, integrate, integrate_smooth
-from jaxclay.interpolation import Interpolant
-from jaxclay.problem import Problem
+from jaxclay.clay import text
+from jaxclay.clay.clay import Clay
+from jaxclay.model.band import Band, Tool
+from jaxclay.model.energy import Terms, integrate, integrate_smooth
+from jaxclay.model.material import Material
+from jaxclay.numerics import banded
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.banded import Factor, Model
+from jaxclay.numerics.host import pytree
+from jaxclay.numerics.interpolation import Interpolant
+from jaxclay.schemes.problem import Problem
+from jaxclay.schemes.rough import RoughShape
 from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.space import Point, Space, gauss_newton, sample, seeds
-from jaxclay.scm import RoughShape
 
 
 @pytree
@@ -57,9 +60,9 @@ class SplineProblem:
     rough: RoughShape
 
     def __repr__(self) -> str:
-        free = _repr.free(self.fixed)
+        free = text.free(self.fixed)
         head = f'Problem on scheme "spline": {free} coefficients free'
-        return _repr.lines(head, *_repr.asked(self.tool, self.material))
+        return text.lines(head, *text.asked(self.tool, self.material))
 
     @property
     def clay(self) -> Clay:

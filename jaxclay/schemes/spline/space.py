@@ -17,8 +17,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay.clay import Array, Material
-from jaxclay.energy import Samples, everywhere
+from jaxclay.model.energy import Samples, everywhere
+from jaxclay.model.material import Material
+from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.spline import bspline
 
 GAUSS = 4  # points a span

@@ -1,0 +1,5 @@
+"""``python -m jaxclay.cli``."""
+
+from jaxclay.cli.main import entry
+
+entry()

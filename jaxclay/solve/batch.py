@@ -1,0 +1,208 @@
+"""Many squashes in few compiled calls: posed problems, and whole scenes to a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxclay.clay.clay import Clay
+from jaxclay.methods.newton import NewtonSettings
+from jaxclay.model.material import Material
+from jaxclay.model.squash import Squash, check_fits
+from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.checks import check_tolerance, check_whole
+from jaxclay.numerics.host import as_compiled, as_float64, compiled, in_float64
+from jaxclay.schemes.problem import Problem
+from jaxclay.schemes.rough import rough_start
+from jaxclay.schemes.slices.posing import located
+from jaxclay.solve.certified_newton import Answer, Packed, answered, packed, program, unpacked
+from jaxclay.solve.minimize import begin_of, solution_of
+from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
+from jaxclay.solve.solution import Solution
+from jaxclay.solve.start import start_of
+
+_CAPACITY = 256  # problems of one call
+_MANY = 64  # problems for which it pays to compile their rough shapes too
+
+
+def minimize_batch(
+    problems: Sequence[Problem], settings: Sequence[NewtonSettings] | None = None
+) -> list[Solution]:
+    """Newton's minima of E_total (eq. 9): problems on as many slices in one compiled call.
+
+    The call solves one problem after the other, each to its own end, so that nobody waits for a
+    straggler.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        From :func:`jaxclay.pose`, on slices of either scheme.
+    settings : sequence of NewtonSettings, optional
+        Newton's for each problem.
+
+    Returns
+    -------
+    list of Solution
+        In the order of the problems, each with its own status.
+
+    Raises
+    ------
+    ValueError
+        Settings for another number of problems.
+    """
+    chosen = [NewtonSettings()] * len(problems) if settings is None else list(settings)
+    if len(chosen) != len(problems):
+        raise ValueError(f"{len(chosen)} settings do not go with {len(problems)} problems")
+    return _solved([Wanted(problem, None) for problem in problems], chosen)
+
+
+def deform_batch(
+    scenes: Iterable[tuple[Clay, Squash, Material]],
+    *,
+    tolerance: float | None = None,
+    slices: int | None = None,
+) -> list[Solution]:
+    """Squash many pieces of clay (eqs. 9 to 19): :func:`jaxclay.deform`, what is as fine at once.
+
+    Parameters
+    ----------
+    scenes : iterable of (Clay, Squash, Material)
+        What to squash.
+    tolerance : float, optional
+        Largest error of each contour, over the unit l.
+    slices : int, optional
+        How many slices each answer has instead; one of the two must be given.
+
+    Returns
+    -------
+    list of Solution
+        In the order of the scenes; to the certificate those of single calls.
+
+    Raises
+    ------
+    ValueError
+        What :func:`jaxclay.deform` raises, of the first scene that is wrong; both arguments or
+        none.
+    """
+    if (tolerance is None) == (slices is None):
+        raise ValueError(f"give a tolerance or slices: got {tolerance!r} and {slices!r}")
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    else:
+        check_whole("slices", slices, 3)
+    plans: list[Plan] = []
+    for clay, squash, material in scenes:
+        check_fits(squash, clay)
+        found = located(clay, squash, material)
+        if tolerance is not None:
+            plans.append(to_tolerance(found, float(tolerance)))
+        else:
+            plans.append(on_slices(found, int(slices)))  # type: ignore[arg-type]
+    return _followed(plans)
+
+
+def _followed(plans: list[Plan]) -> list[Solution]:
+    """What the plans return; what they ask for in each turn is solved at once."""
+    ends: dict[int, Solution] = {}
+    wanted = {i: next(plan) for i, plan in enumerate(plans)}
+    while wanted:
+        settings = [NewtonSettings()] * len(wanted)
+        answers = dict(zip(wanted, _solved(list(wanted.values()), settings), strict=True))
+        wanted = {}
+        for i, answer in answers.items():
+            try:
+                wanted[i] = plans[i].send(answer)
+            except StopIteration as end:
+                ends[i] = end.value
+    return [ends[i] for i in range(len(plans))]
+
+
+def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
+    answers: dict[int, Solution] = {}
+    sizes = [(each.problem.slices, each.problem.scheme) for each in wanted]
+    for size in dict.fromkeys(sizes):
+        same = [i for i, other in enumerate(sizes) if other == size]
+        for begin in range(0, len(same), _CAPACITY):
+            part = same[begin : begin + _CAPACITY]
+            found = _together([wanted[i] for i in part], [settings[i] for i in part])
+            answers.update(zip(part, found, strict=True))
+    return [answers[i] for i in range(len(wanted))]
+
+
+def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
+    problems = [each.problem for each in wanted]
+    with as_compiled():
+        if len(wanted) >= _MANY and all(each.start is None for each in wanted):
+            pairs = list(zip(problems, settings, strict=True))
+            count = np.array(len(pairs))
+            answer, feasible = in_float64(
+                "minimize", from_rough_shapes, stack(pairs, _CAPACITY), count
+            )
+        else:
+            begins = [begin_of(each) for each in wanted]
+            feasible = [possible for _, possible in begins]
+            rows = [
+                packed(problem.system, begin, chosen, possible)
+                for problem, (begin, possible), chosen in zip(
+                    problems, begins, settings, strict=True
+                )
+            ]
+            many = Packed(*(_stacked(leaves) for leaves in zip(*rows, strict=True)))
+            answer = in_float64("minimize", programs, many, np.array(len(rows)))
+        return [
+            solution_of(
+                problem,
+                feasible[i],
+                *unpacked(problem.system, Answer(*(leaf[i] for leaf in answer))),
+                "newton",
+            )
+            for i, problem in enumerate(problems)
+        ]
+
+
+def stack(trees: list[Any], size: int | None = None) -> Any:
+    """One tree of arrays with a leading axis, filled up to ``size`` with the last tree."""
+    trees = as_float64(trees)
+    trees = trees + [trees[-1]] * ((size or len(trees)) - len(trees))
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
+
+
+def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
+    """The arrays of all problems, with room for as many as one call takes."""
+    whole = np.zeros((_CAPACITY, *leaves[0].shape))
+    whole[: len(leaves)] = leaves
+    return whole
+
+
+@compiled()
+def programs(values: Packed, count: Array) -> Answer:
+    """The first ``count`` of many calls of the program."""
+    return _each(lambda i: program.traced(jax.tree.map(lambda leaf: leaf[i], values)), count)
+
+
+@compiled()
+def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tuple[Answer, Array]:
+    """The same for problems and settings, from rough shapes that are compiled too."""
+
+    def one(i: Any) -> tuple[Answer, Array]:
+        problem, settings = jax.tree.map(lambda leaf: leaf[i], pairs)
+        rough, feasible = rough_start(problem)
+        start = start_of(problem, rough, None, "newton")
+        return answered(problem.system, start, settings, feasible), feasible
+
+    return _each(one, count)
+
+
+def _each(one: Any, count: Array) -> Any:
+    """The results of ``one`` for 0, 1 .. count - 1, with room for as many as one call takes."""
+
+    def put(i, found):
+        return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))
+
+    shapes = jax.eval_shape(one, 0)
+    empty = jax.tree.map(lambda leaf: jnp.zeros((_CAPACITY, *leaf.shape), leaf.dtype), shapes)
+    return jax.lax.fori_loop(0, count.astype(int), put, empty)

@@ -1,0 +1,276 @@
+"""The one judge of every answer: how much could the local model still gain?
+
+With g, H the gradient and Hessian of the smooth energy on the free nodes,
+d = Y - Y0, friction forces lam with |lam_i| <= h mu and floor forces z >= 0,
+r = g + lam - D^T z and positive definite H, the local model gains at most
+
+    decrement = 1/2 r^T H^-1 r + sum (h mu |d_i| - lam_i d_i) + sum z_i (t_i - f t0_i)
+
+by weak duality, whatever lam and z are.  So nobody has to say which nodes rest:
+the judge tries the solver's own forces and some read off the point, and keeps
+the best.  E_total is not convex; this certifies a local minimum.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxclay.clay import text
+from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.banded import Model
+from jaxclay.numerics.host import pytree
+from jaxclay.schemes.base import DECREMENT, SMALL, Forces
+from jaxclay.schemes.sums import Point
+from jaxclay.schemes.system import Linear, System
+
+STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
+_CONSISTENT = 1e-12  # over the unit l
+_AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+_SPRING = 1e4  # over the Hessian's largest entry
+_TURNS = 5  # for each pair of forces, of which all but the last read off those of the floor
+_LAST = _TURNS * (2 + len(_AT_REST))
+_ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
+
+
+@pytree
+@dataclasses.dataclass(frozen=True)
+class Certificate:
+    """What the judge found.
+
+    Attributes
+    ----------
+    accepted : bool
+        Whether the answer is a local minimum: decrement <= 1e-10 max(E_free,
+        1e-3), step <= 1e-6, curvature positive, thicknesses above the floor.
+    decrement : float
+        Most energy that the local model can still gain; inf without positive curvature.
+    step : float
+        Largest move to the local model's minimum, over the unit l.
+    residual : float
+        max |r_i| / (w_i (mu + k)), w_i the node's share of the clay.  Shown, never a gate:
+        at exact minima on fine grids it is rounding noise.
+    positive : bool
+        Whether the Hessian is positive definite on the moves that are possible: if it
+        must be, without the nodes that rest and without thinning what the floor pushes on.
+    admissible : bool
+        Whether heights increase, thicknesses obey the floor and agree with the
+        heights, and the fixed nodes are where the tool wants them.
+    energy_free : float
+        E_free, the terms that touch a free node; gaps are relative to it.
+    on_floor : int
+        Slices on which the floor pushes.
+    """
+
+    accepted: Array
+    decrement: Array
+    step: Array
+    residual: Array
+    positive: Array
+    admissible: Array
+    energy_free: Array
+    on_floor: Array
+
+    def __repr__(self) -> str:
+        say, flag = text.figure, text.flag
+        return text.lines(
+            f"Certificate: {flag(self.accepted, 'accepted', 'refused')}",
+            f"{self.gain}, step {say(self.step, '.2g')} (at most {STEP:.2g})",
+            f"positive curvature: {flag(self.positive)}, admissible: {flag(self.admissible)}, "
+            f"slices on the floor: {say(self.on_floor)}",
+            f"E_free {say(self.energy_free)}, residual {say(self.residual, '.2g')}",
+        )
+
+    @property
+    def gain(self) -> str:
+        """The decrement beside what is accepted, in words."""
+        most = text.derived(accepted_decrement, self.energy_free)
+        decrement = text.figure(self.decrement, ".2g")
+        return f"decrement {decrement} (at most {text.figure(most, '.2g')})"
+
+
+def accepted_decrement(energy_free: Array) -> Array:
+    """The largest decrement that is accepted where E_free is this."""
+    return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
+
+
+def certify(system: System, point: Point, forces: Forces) -> Certificate:
+    """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
+    model = system.smooth_model(point)
+    energy = model.value + system.friction_limit @ abs(point.shift)
+
+    def body(search: Search) -> Search:
+        linear, tried = asked(system, point, model, forces, search)
+        answer = system.solve(model.bands, linear)
+        return taken(system, point, model, energy, search, linear, tried, *answer)
+
+    found = jax.lax.while_loop(lambda search: ~search.over, body, first_search(system))
+    return concluded(system, point, found)
+
+
+def concluded(system: System, point: Point, found: Search) -> Certificate:
+    """The certificate of a point whose forces have been searched for."""
+    xp = namespace(point.shift, found.positive)
+    best, positive, admissible = found.best, found.positive, _admissible(system, point)
+    return Certificate(
+        accepted=best.passes(found.energy_free) & positive & admissible,
+        decrement=xp.where(positive, best.decrement, xp.inf),
+        step=xp.where(positive, best.step, xp.inf),
+        residual=best.residual / (system.mu + system.k),
+        positive=positive,
+        admissible=admissible,
+        energy_free=found.energy_free,
+        on_floor=best.on_floor,
+    )
+
+
+class _Verdict(NamedTuple):
+    """What one pair of friction and floor forces says."""
+
+    decrement: Array
+    step: Array
+    residual: Array
+    on_floor: Array
+
+    def passes(self, energy_free: Array) -> Array:
+        return (self.decrement <= accepted_decrement(energy_free)) & (self.step <= STEP)
+
+
+class Search(NamedTuple):
+    """Where the search for the forces that certify a point stands.
+
+    Tried are the solver's own; its friction with floor forces read off; and for
+    each threshold h mu sign(d) beyond it and -g within, with floor forces read off.  Floor forces
+    are those that stiff springs need to hold the slices there (method of multipliers).  Where H
+    is indefinite nodes that rest with friction to spare are left out, and slices that the floor
+    pushes on, which cannot get thinner, may be held by springs.
+
+    Attributes
+    ----------
+    turn : int
+        Which pair, and how far its floor forces are read off.
+    floor : (n,) array
+        Those forces.
+    dropped, held : bools
+        Whether nodes are left out, and slices held, since H was indefinite.
+    positive : bool
+        Whether H is positive definite so.
+    energy_free : float
+    best : _Verdict
+        Of the first pair that passes, else of that with the least decrement.
+    """
+
+    turn: Array
+    floor: Array
+    dropped: Array
+    held: Array
+    positive: Array
+    energy_free: Array
+    best: _Verdict
+
+    @property
+    def over(self) -> Array:
+        """Whether a pair passes or none is left."""
+        return (self.turn >= _LAST) | self.best.passes(self.energy_free)
+
+    @property
+    def reads(self) -> Array:
+        """Whether this turn reads off floor forces."""
+        return self.turn % _TURNS < _TURNS - 1
+
+    def forces(self, system: System, point: Point, gradient, own: Forces) -> Forces:
+        """The pair of this turn, floor forces as far as they are read off."""
+        d, limit, i = point.shift, system.friction_limit, self.turn // _TURNS
+        threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
+        moves = abs(d) > threshold
+        read = jnp.where(i < 2, own.friction, jnp.where(moves, limit * jnp.sign(d), -gradient))
+        floor = jnp.where(i == 0, own.floor, self.floor * (self.turn % _TURNS > 0))
+        floor = jnp.where(self.reads, floor, jnp.maximum(floor, 0.0))
+        return Forces(jnp.maximum(jnp.minimum(read, limit), -limit), floor)
+
+
+def first_search(system: System) -> Search:
+    """Before anything was tried."""
+    no, inf = jnp.asarray(False), jnp.asarray(jnp.inf)
+    worst = _Verdict(inf, inf, inf, jnp.zeros(()))
+    turn, none = jnp.asarray(_TURNS - 1), jnp.zeros_like(system.floor)
+    return Search(turn, none, no, no, no, jnp.zeros(()), worst)
+
+
+def searched(positive: Array, energy_free: Array, *best: Array) -> Search:
+    """A search of which only the result is known."""
+    return Search(_LAST, 0.0, False, False, positive, energy_free, _Verdict(*best))
+
+
+def asked(
+    system: System, point: Point, model: Model, own: Forces, search: Search
+) -> tuple[Linear, Forces]:
+    """What the next turn takes: the residual, a Hessian that may be held by springs; its forces."""
+    forces = search.forces(system, point, model.gradient, own)
+    rests = (point.shift == 0) & (abs(model.gradient) < system.friction_limit) & search.dropped
+    keep = system.free * (1 - rests)
+    r = model.gradient + forces.friction - system.from_thickness(forces.floor)
+    springs = (search.reads | search.held) * _springs(system, point, model)
+    return Linear(springs, 0 * r, keep * r, keep), forces
+
+
+def taken(
+    system: System, point: Point, model: Model, energy: Array, search: Search,
+    linear: Linear, forces: Forces, answer: Array, positive: Array,
+) -> Search:  # fmt: skip
+    """The search after a turn whose residual r gave H^-1 r, ``answer``; ``energy`` is E_free."""
+    d, limit, r = point.shift, system.friction_limit, linear.force
+    friction, floor = forces
+    tight = touches_floor(system, point)
+    pushed = (floor > 0) & tight
+    touching, pushing = tight.sum(), pushed.sum()
+    left = 0.5 * r * answer + limit * abs(d) - friction * d
+    decrement = (left[1:] + floor * system.slack(point)).sum()
+    # Springs may stand in for the floor only where it pushes.
+    honest = ~search.held | (pushing == touching)
+    decrement = jnp.where(honest & ~jnp.isnan(decrement), decrement, jnp.inf)
+    shares = jnp.where(limit > 0, limit / system.mu, 1.0)
+    step, residual = jnp.max(jnp.stack([abs(answer), abs(r) / shares]), axis=1)
+    now = _Verdict(decrement, step, residual, 1.0 * pushing)
+    better = now.passes(energy) | (decrement < search.best.decrement)
+    better &= ~search.reads & positive
+    # An indefinite H is tried again as long as more of it can be left out.
+    drops = ~positive & ~search.dropped
+    holds = ~positive & ~drops & ~search.held & (touching > 0)
+    following = search.turn + jnp.where(search.reads | (touching > 0), 1, _TURNS)
+    following = jnp.where(positive, following, _LAST)
+    rises = _springs(system, point, model) * system.thickness_change(answer)
+    return Search(
+        turn=jnp.where(drops | holds, search.turn, following),
+        floor=jnp.where(positive & search.reads, floor + rises, 0.0),
+        dropped=search.dropped | drops,
+        held=search.held | holds,
+        positive=positive,
+        energy_free=energy,
+        best=jax.tree.map(lambda a, b: jnp.where(better, a, b), now, search.best),
+    )
+
+
+def _springs(system: System, point: Point, model: Model) -> Array:
+    """(n,) their strength on the slices at the floor."""
+    return touches_floor(system, point) * (_SPRING * jnp.max(abs(model.bands[0])))
+
+
+def _admissible(system: System, point: Point) -> Array:
+    """Whether the shape keeps above the floor, in step with itself and to the tool."""
+    # A slice on the floor may lie below it by rounding.
+    low = -1e-12 * system.rest_thickness
+    above_floor = (system.slack(point) >= low).all() & (point.thickness > 0).all()
+    # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
+    apart = system.rest_thickness + system.thickness_change(point.shift) - point.thickness
+    missed = (1 - system.free) * (point.shift - system.target)
+    consistent = abs(apart).max() <= _CONSISTENT
+    return above_floor & consistent & (abs(missed).max() <= _CONSISTENT)
+
+
+def touches_floor(system: System, point: Point) -> Array:
+    """(n,) slices on which the floor may push."""
+    return system.slack(point) <= _ON_FLOOR * system.rest_thickness

@@ -1,0 +1,104 @@
+"""From few slices to as many as an answer needs, each time placed where the last answer bends.
+
+Each plan is a generator: it asks for the answers to problems, one after the other, and returns
+the last.  So whoever has many squashes can have what they all ask for solved at once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Generator, Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxclay.clay.contour import contour_error_upto
+from jaxclay.schemes.problem import Problem
+from jaxclay.schemes.slices.posing import Located, pose_on_host
+from jaxclay.schemes.sums import Point
+from jaxclay.solve.carried import carried
+from jaxclay.solve.solution import Solution, Status
+
+SIZES = tuple(32 << i for i in range(7))  # slices that an answer to a tolerance may have
+_DIRECT = 512  # slices at most that the first answer is taken on
+_MANY = 1024
+_SHARE = 3  # at second order the error is a third of the distance to half as many slices
+
+
+class Wanted(NamedTuple):
+    """A problem to be solved from a start, or if that is None from its rough shape.
+
+    Where there is a start the squash is known to be feasible.
+    """
+
+    problem: Problem
+    start: Point | None
+
+
+Plan = Generator[Wanted, Solution, Solution]
+
+
+def on_slices(found: Located, slices: int) -> Plan:
+    """The answer on n slices, placed by one on four times as many, up to 512."""
+    answers: list[Solution] = []
+    for size in (min(4 * slices, _DIRECT), slices):
+        answers.append((yield from _next(found, size, answers)))
+        if answers[-1].status is Status.INFEASIBLE:
+            break
+    return _with_levels(answers)
+
+
+def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:
+    """The answer on as few slices as put its contour within the tolerance, over the unit l.
+
+    Twice as many slices each time, until the last two answers lie within the tolerance of each
+    other; ``error_estimate`` is a third of their distance, and from 1024 slices on it is enough
+    that this is within the tolerance.  Where that does not happen the answer is UNRESOLVED.
+    """
+    first, *more = sizes
+    answers = [(yield from _next(found, first, []))]
+    distance = np.inf
+    for size in more:
+        if answers[-1].status is Status.INFEASIBLE:
+            break
+        answers.append((yield from _next(found, size, answers)))
+        last, before = answers[-1], answers[-2]
+        both = last.status is Status.CONVERGED and before.status is Status.CONVERGED
+        # So many that as many again would not fit: the estimate alone must do.
+        wanted = tolerance * (_SHARE if size >= _MANY else 1)
+        limit = wanted if size < more[-1] else np.inf
+        distance = contour_error_upto(limit, last.clay, before.clay) if both else np.inf
+        if distance <= wanted:
+            break
+    last = _with_levels(answers)
+    code = last.status_code
+    if last.status is Status.CONVERGED and not distance / _SHARE <= tolerance:
+        code = np.asarray(Status.UNRESOLVED.value)
+    return dataclasses.replace(last, error_estimate=distance / _SHARE, status_code=code)
+
+
+def _next(found: Located, slices: int, answers: list[Solution]) -> Plan:
+    """The answer on so many slices, placed by the last one and starting from it."""
+    # What is no answer places no nodes.
+    good = bool(answers) and answers[-1].status is Status.CONVERGED
+    answer = answers[-1] if good else None
+    problem = pose_on_host(found, slices, "placed", answer)
+    if answer is None:
+        return (yield Wanted(problem, None))
+    new = yield Wanted(problem, carried(problem, answer))
+    return new if new.status is Status.CONVERGED else (yield Wanted(problem, None))
+
+
+def _with_levels(answers: list[Solution]) -> Solution:
+    levels = np.array([int(answer.iterations) for answer in answers[:-1]], int)
+    return dataclasses.replace(answers[-1], levels=levels)
+
+
+def followed(plan: Plan, solve: Any) -> Solution:
+    """What a plan returns if ``solve(wanted)`` answers what it asks for."""
+    try:
+        wanted = next(plan)
+        while True:
+            wanted = plan.send(solve(wanted))
+    except StopIteration as end:
+        return end.value

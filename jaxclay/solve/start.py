@@ -1,0 +1,88 @@
+"""Where a solve begins: the rough shape, the caller's heights, or an answer close by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxclay.methods.loop import Start, cold
+from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.host import is_transformed
+from jaxclay.schemes.base import lifted
+from jaxclay.schemes.problem import Problem
+from jaxclay.schemes.slices.density import layer_of
+from jaxclay.schemes.sums import Point
+from jaxclay.solve.solution import Solution
+
+
+def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
+    """What the caller gave as start, checked; else the rough shape, rounded for newton."""
+    if start is None:
+        return cold(problem, rounded(problem, rough) if method == "newton" else rough)
+    if isinstance(start, Point):
+        return cold(problem, start)
+    if not isinstance(start, Solution):
+        return cold(problem, start_from(problem, start))
+    if start.problem.slices != problem.slices:
+        raise ValueError(
+            f"start is an answer on {start.problem.slices} slices, but this clay has "
+            f"{problem.slices}: give heights, or squash a clay of as many slices"
+        )
+    moved = jax.tree.map(lambda a, b, c: a + b - c, rough, start.point, start.rough.point)
+    near = lifted(problem, problem.imposed(moved))
+    return Start(near, start.forces, np.asarray(True))
+
+
+def rounded(problem: Problem, point: Point) -> Point:
+    """A rough shape whose jumps of radius at the band's edges are rounded as smoothing will do.
+
+    At the distance x from an edge the stretch changes by (1 - x / l) e^(-x / l) of what it jumps
+    there, l the length of the layer: that moves nothing further away.
+    """
+    xp = namespace(point.shift, problem.band.lower)
+    rest, band, m, n = problem.rest, problem.band, problem.material, problem.slices
+    held, stretch = rest.held(band), point.thickness / rest.thickness
+    middle, slope = (rest.material[1:] + rest.material[:-1]) / 2, rest.slopes()
+    first, last = held.argmax(), n - held[::-1].argmax()
+    smooth = (m.alpha > 0) | (m.beta > 0)
+
+    def bump(edge: Array, inner: Array, outer: Array, side: Array) -> Array:
+        inner, outer = (xp.clip(i, 0, n - 1) for i in (inner, outer))
+        length = layer_of(slope[outer], rest.r0, m)
+        x = abs(middle - edge) / length
+        return (side & smooth) * (stretch[inner] - stretch[outer]) * (1 - x) * xp.exp(-x)
+
+    below = bump(band.lower, first, first - 1, middle < band.lower)
+    above = bump(band.upper, last - 1, last, middle > band.upper)
+    size = problem.loose * rest.thickness
+    below, above = (size * xp.maximum(b, -stretch / 2) for b in (below, above))
+    none = xp.zeros(1)
+    shift = point.shift + xp.concatenate([none, xp.cumsum(above)])
+    shift -= xp.concatenate([xp.cumsum(below[::-1])[::-1], none])
+    return lifted(problem, problem.imposed(Point(rest.thickness + shift[1:] - shift[:-1], shift)))
+
+
+def start_from(problem: Problem, heights: Array) -> Point:
+    """The caller's heights as a point that obeys the tool."""
+    if not is_transformed(problem, heights):
+        heights = np.asarray(heights, np.float64)
+    if np.shape(heights) != np.shape(problem.clay.heights):
+        raise ValueError(
+            f"start must hold one height for each of {problem.slices + 1} nodes: got shape "
+            f"{np.shape(heights)}"
+        )
+    point = problem.imposed(problem.point(heights))
+    if not is_transformed(problem, heights):
+        if not np.isfinite(heights).all() or (np.diff(heights) <= 0).any():
+            raise ValueError("start must be finite and increase from node to node")
+        room = problem.slack(point)
+        if (room < -1e-9 * problem.rest.thickness).any():
+            i = int(np.argmin(room / problem.rest.thickness))
+            raise ValueError(
+                f"start, with the band where the tool wants it, makes slice {i} "
+                f"{point.thickness[i] / problem.rest.thickness[i]:.3g} times as thick as before: "
+                f"at least {float(problem.material.floor):g} (material.floor) is allowed"
+            )
+    return point

@@ -1,0 +1,148 @@
+"""Backends: the same answers from every one, and a worker's death costs nothing that is kept."""
+
+import multiprocessing
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+
+import jax
+import numpy as np
+import pytest
+
+pytest.importorskip("pydantic")
+pytest.importorskip("distributed")
+
+from sweeps import GREEDY
+
+from jaxclay.experiments.compare import load, sweep
+from jaxclay.experiments.sweep import backends, engine, estimate
+from jaxclay.experiments.sweep.experiment import read_experiment
+from jaxclay.experiments.sweep.tasks import identity
+
+COUNT = 12
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    """Two tasks a batch, compilations kept for all workers."""
+    path = tmp_path_factory.mktemp("experiment") / "small.toml"
+    path.write_text(GREEDY)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(estimate, "_MOST", 2)
+        before = {name: getattr(jax.config, name) for name in backends._KEPT_SETTINGS}
+        for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
+            jax.config.update(name, value)
+        yield path
+        for name, value in before.items():
+            jax.config.update(name, value)
+
+
+@pytest.fixture(scope="module")
+def serial(experiment, tmp_path_factory):
+    return sweep(experiment, tmp_path_factory.mktemp("serial"))
+
+
+def assert_same(table, other):
+    a, b = (one.sort_values("key", ignore_index=True) for one in (table, other))
+    assert list(a.key) == list(b.key)
+    assert len(a) == COUNT
+    np.testing.assert_allclose(a.energy, b.energy, rtol=1e-12)
+
+
+def killer(victims):
+    """Kills the worker that the first rows come from."""
+
+    def tell(rows, done):
+        if not victims:
+            victims.append(rows[0]["process"])
+            assert victims[0] != os.getpid()
+            os.kill(victims[0], signal.SIGKILL)
+
+    return tell
+
+
+@pytest.fixture(scope="module")
+def with_dask(serial, experiment, tmp_path_factory):
+    """A run on a local cluster one worker of which is killed."""
+    out, victims = tmp_path_factory.mktemp("dask"), []
+    engine.run(read_experiment(experiment), out, "dask", tell=killer(victims))
+    return load(out), victims
+
+
+def test_a_worker_that_dies_under_dask_is_replaced_and_nothing_is_lost(with_dask, serial):
+    table, (victim,) = with_dask
+    assert_same(table, serial)
+    assert set(table.process) - {victim, os.getpid()}
+
+
+def test_workers_have_one_thread_each_and_the_same_compilations():
+    variables = backends.one_thread()
+    threads = "NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
+    assert {variables[name] for name in threads} == {"1"}
+    assert variables["JAX_COMPILATION_CACHE_DIR"] == jax.config.jax_compilation_cache_dir
+
+
+def test_processes_are_spawned_on_a_core_each_and_agree(serial, experiment, tmp_path):
+    before = dict(os.environ)
+    table = sweep(experiment, tmp_path, backend="processes")
+    assert_same(table, serial)
+    assert os.getpid() not in set(table.process)
+    if hasattr(os, "sched_setaffinity"):
+        assert (table.cores == 1).all()
+    assert dict(os.environ) == before
+
+
+def test_a_process_that_dies_is_said_and_what_ended_is_kept(serial, experiment, tmp_path):
+    with pytest.raises(RuntimeError, match="a worker process died"):
+        engine.run(read_experiment(experiment), tmp_path, "processes", tell=killer([]))
+    assert 0 < len(load(tmp_path)) < COUNT
+    assert_same(sweep(experiment, tmp_path), serial)
+
+
+def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeypatch):
+    monkeypatch.setattr(backends, "_ANSWERS_WITHIN", 1)
+    with pytest.raises(OSError, match="Timed out"):
+        engine.run(read_experiment(experiment), tmp_path, "dask", "tcp://127.0.0.1:1")
+
+
+def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
+                      env=backends.one_thread(), silence_logs=50) as cluster:  # fmt: skip
+        address = cluster.scheduler_address
+        table = sweep(experiment, tmp_path, backend="dask", scheduler=address)
+        assert table.process.nunique() == 1
+    assert_same(table, serial)
+
+
+def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
+    sizes = (8, 16)
+    paths = [tmp_path / f"of{n}.toml" for n in sizes]
+    for n, path in zip(sizes, paths, strict=True):
+        path.write_text(GREEDY.replace("slices = 8", f"slices = {n}"))
+    with backends.local_cluster() as cluster, ThreadPoolExecutor(2) as pool:
+        runs = [
+            pool.submit(sweep, path, path.with_suffix(""), backend="dask",
+                        scheduler=cluster.scheduler_address)
+            for path in paths
+        ]  # fmt: skip
+        for n, run in zip(sizes, runs, strict=True):
+            assert list(run.result().slices) == [n] * COUNT
+
+
+def test_workers_of_a_local_cluster_keep_compilations_in_the_same_place(experiment):
+    from distributed import Client
+
+    with backends.local_cluster() as cluster, Client(cluster) as client:
+        found = client.run(lambda: __import__("jax").config.jax_compilation_cache_dir)
+    assert set(found.values()) == {jax.config.jax_compilation_cache_dir}
+
+
+def test_a_worker_of_another_version_is_refused():
+    with pytest.raises(RuntimeError, match="start workers with that"):
+        backends.solve_in_worker([], identity() | {"jaxclay": "0.0.1"})
+
+
+def test_no_worker_is_left_behind(with_dask):
+    assert [child for child in multiprocessing.active_children() if child.is_alive()] == []
