@@ -56,11 +56,22 @@ MODULES = {
 
 NAMES = {
     "banded": {
-        "minimize_banded": "numerics.banded_newton",
-        "BandedResult": "numerics.banded_newton",
+        "minimize_banded": "numerics.banded_newton.minimize_banded",
+        "BandedResult": "numerics.banded_newton.BandedResult",
     },
-    "clay": {"Clay": "clay.clay", "Converted": "clay.clay", "Material": "model.material"},
-    "cli": {"main": "cli.main", "entry": "cli.main"},
+    "clay": {
+        "Clay": "clay.clay.Clay",
+        "Converted": "clay.clay.Converted",
+        "Material": "model.material.Material",
+    },
+    "cli": {"main": "cli.main.main", "entry": "cli.main.entry"},
+    "compare": {
+        "sweep": "experiments.run",
+        "load": "experiments.load",
+        "load_curves": "experiments.load_curves",
+    },
+    "loop": {"Forces": "schemes.base.Forces"},
+    "certificate": {"Forces": "schemes.base.Forces"},
 }
 """Names that have left a module for another one than the rest."""
 
@@ -112,8 +123,9 @@ def _names(old: str):
         new = NAMES.get(old, {}).get(name)
         if new is None:
             raise AttributeError(f"module 'jaxclay.{old}' has no attribute {name!r}")
-        _warn(f"jaxclay.{old}.{name}", f"jaxclay.{new}.{name}")
-        return getattr(importlib.import_module(f"jaxclay.{new}"), name)
+        _warn(f"jaxclay.{old}.{name}", f"jaxclay.{new}")
+        module, _, name = f"jaxclay.{new}".rpartition(".")
+        return getattr(importlib.import_module(module), name)
 
     return get
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxclay.cli.main import main
-from jaxclay.experiments.compare import load
+from jaxclay.experiments import load
 
 GREEDY = """\
 kind = "throughput"

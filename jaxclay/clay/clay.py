@@ -15,6 +15,8 @@ import jax
 import numpy as np
 
 from jaxclay.clay import text
+from jaxclay.clay.contour import contour_error
+from jaxclay.clay.html import clay_html
 from jaxclay.clay.slicing import clip_radii, equal_volume_heights
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.checks import (
@@ -224,8 +226,6 @@ class Clay:
         ValueError
             Fewer than 3 slices, nodes that do not increase from 0 to 1.
         """
-        from jaxclay.clay.contour import contour_error
-
         if np.ndim(nodes) == 0:
             check_slices(nodes)  # type: ignore[arg-type]
             nodes = equal_nodes(int(nodes))  # type: ignore[arg-type]
@@ -240,8 +240,6 @@ class Clay:
         return text.lines(f"Clay: {size}, {edges} radii of edges", text.dimensions(self))
 
     def _repr_html_(self) -> str:
-        from jaxclay.clay.html import clay_html
-
         return clay_html(self)
 
 

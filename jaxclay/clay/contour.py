@@ -7,15 +7,55 @@ edges of tools are points, and both ends, extrapolated.
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
 
-from jaxclay.clay.clay import Clay
 from jaxclay.numerics.distance import farthest
 
 _STEEPEST = 0.25  # of the last slice's radius: least radius of an end
 
 
-def polyline(clay: Clay) -> np.ndarray:
+class Piece(Protocol):
+    """What has a contour: a Clay, whose attributes these are."""
+
+    @property
+    def heights(self) -> Any:
+        """(n+1,) Y_i, length."""
+        ...
+
+    @property
+    def thickness(self) -> Any:
+        """(n,) t_i, length."""
+        ...
+
+    @property
+    def unit(self) -> Any:
+        """l, length."""
+        ...
+
+    @property
+    def material(self) -> Any:
+        """(n+1,) u_i."""
+        ...
+
+    @property
+    def edges(self) -> Any:
+        """(m, 2) material and radius of edges."""
+        ...
+
+    @property
+    def radii(self) -> Any:
+        """(n,) X_i, length."""
+        ...
+
+    @property
+    def slices(self) -> int:
+        """n."""
+        ...
+
+
+def polyline(clay: Piece) -> np.ndarray:
     """(m, 2) points (radius, height) of the half-contour, from axis to axis, length.
 
     One point a slice and an edge, and two at each end.
@@ -25,7 +65,7 @@ def polyline(clay: Clay) -> np.ndarray:
     return np.concatenate([[[0.0, bottom]], points, [[0.0, top]]])
 
 
-def slice_points(clay: Clay) -> np.ndarray:
+def slice_points(clay: Piece) -> np.ndarray:
     """(m, 2) points (radius, height): slices' middles, edges and both ends, from bottom to top."""
     y, X, nodes = (np.asarray(v) for v in (clay.heights, clay.radii, clay.material))
     u, radius = np.asarray(clay.edges).T
@@ -45,7 +85,7 @@ def slice_points(clay: Clay) -> np.ndarray:
     return points[np.argsort(place, kind="stable")]
 
 
-def contour_error(clay: Clay, target: Clay) -> float:
+def contour_error(clay: Piece, target: Piece) -> float:
     """Symmetric largest distance between two contours of eq. 1 (Hausdorff), over the target's l.
 
     Not a number where either has no contour: an answer that failed may have slices of no or of
@@ -54,7 +94,7 @@ def contour_error(clay: Clay, target: Clay) -> float:
     return contour_error_upto(np.inf, clay, target)
 
 
-def contour_error_upto(limit: float, clay: Clay, target: Clay) -> float:
+def contour_error_upto(limit: float, clay: Piece, target: Piece) -> float:
     """The contour error where it is at most the limit, else some number between the two."""
     if not (_rises(clay) and _rises(target)):
         return float("nan")
@@ -65,7 +105,7 @@ def contour_error_upto(limit: float, clay: Clay, target: Clay) -> float:
     return error / unit
 
 
-def area_error(clay: Clay, target: Clay) -> float:
+def area_error(clay: Piece, target: Piece) -> float:
     """Area between the half-contours over the target's half-contour area.
 
     Not a number where either has no contour, as in :func:`contour_error`.
@@ -81,6 +121,6 @@ def area_error(clay: Clay, target: Clay) -> float:
     return float(between / np.trapezoid(b[:, 0], b[:, 1]))
 
 
-def _rises(clay: Clay) -> bool:
+def _rises(clay: Piece) -> bool:
     """Whether heights rise from bottom to top."""
     return bool((np.asarray(clay.thickness) > 0).all())

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from jaxclay.clay.contour import polyline
-
-if TYPE_CHECKING:
-    from jaxclay.clay.clay import Clay
+from jaxclay.clay.contour import Piece, polyline
 
 _SIZE = 180  # pixels of the longer side
 
 
-def clay_html(clay: Clay) -> str:
+def clay_html(clay: Any) -> str:
     """A silhouette and the clay's dimensions."""
     X = polyline(clay)[1:-1, 0]
     rows = {
@@ -28,7 +25,7 @@ def clay_html(clay: Clay) -> str:
     return side_by_side(silhouettes((clay, "#E8D5C0", "#0072B2", "")), "Clay", rows)
 
 
-def silhouettes(*shapes: tuple[Clay, str, str, str]) -> str:
+def silhouettes(*shapes: tuple[Piece, str, str, str]) -> str:
     """Clays in one picture, each with its fill, its stroke and its dashes."""
     outlines = []
     for clay, *style in shapes:

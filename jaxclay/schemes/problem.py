@@ -195,7 +195,10 @@ class Problem:
     @kept
     def system(self) -> System:
         """What Newton and the judge see of it."""
-        return system_of(self)
+        xp = namespace(self.shift, self.band.lower)
+        upper = xp.arange(self.slices) >= self.rest.held(self.band).argmax()
+        target = self.fixed * self.shift
+        return system_of(self.rest, self.sums, self.material, self.free, target, upper)
 
     def evened(self, point: Point, fraction: Array) -> Point:
         """The point moved by ``fraction`` towards each side of the band spread evenly."""

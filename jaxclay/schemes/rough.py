@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,12 +19,10 @@ from jaxclay.numerics.host import (
     is_transformed,
     pytree,
 )
+from jaxclay.schemes.base import AnyProblem
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.edges import with_jumps
 from jaxclay.schemes.sums import Point
-
-if TYPE_CHECKING:
-    from jaxclay.schemes.spline.problem import SplineProblem
 
 _CASES = ("none", "I", "II", "III")
 
@@ -109,7 +106,7 @@ class RoughShape:
         return _CASES[int(self.case_below_code)]
 
 
-def rough_shape(problem: Problem | SplineProblem, discrete: bool = False) -> RoughShape:
+def rough_shape(problem: AnyProblem, discrete: bool = False) -> RoughShape:
     """The rough shape of a posed squash: E_move's minimum (eqs. 6, 12 to 19).
 
     Parameters

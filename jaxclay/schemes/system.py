@@ -13,20 +13,19 @@ heights it is D^T H D, D = diff, of half-bandwidth 3.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxclay.model.band import Rest
+from jaxclay.model.material import Material
 from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.banded import Model
-from jaxclay.schemes.sums import Point
-
-if TYPE_CHECKING:
-    from jaxclay.schemes.base import Pull
-    from jaxclay.schemes.problem import Problem
+from jaxclay.schemes.base import Pull
+from jaxclay.schemes.sums import Point, Sums
 
 
 class Linear(NamedTuple):
@@ -255,26 +254,30 @@ class System(NamedTuple):
         return Point(jnp.where(home, self.rest_thickness, moved.thickness), shift)
 
 
-def system_of(problem: Problem) -> System:
-    """The system of a problem."""
-    xp = namespace(problem.shift, problem.rest.heights, problem.material.mu)
-    sums, material, free = problem.sums, problem.material, problem.free
-    loose = problem.loose
+def system_of(
+    rest: Rest, sums: Sums, material: Material, free: Array, target: Array, upper: Array
+) -> System:
+    """The system of a rest shape whose ``free`` nodes (n+1,) move and the others to ``target``.
+
+    ``upper`` (n,): whether a slice lies above the band's lower edge.
+    """
+    xp = namespace(rest, sums, material, free, target, upper)
+    loose = free[1:] | free[:-1]
+    limit = free * (material.mu * sums.nodes)
     between = loose[1:] | loose[:-1]
     turning = between[1:] | between[:-1]
     apart = 1 / sums.apart
     weight = between * sums.between * apart * apart
     tension, change = 2 * material.alpha * weight, 2 * material.beta * weight
     turn = 2 * material.beta * turning / sums.turn
-    limit = problem.friction_limit
     return System(
         free=1.0 * free,
-        target=problem.fixed * problem.shift,
+        target=target,
         friction_limit=limit,
-        upper=1.0 * (xp.arange(problem.slices) >= problem.rest.held(problem.band).argmax()),
+        upper=1.0 * upper,
         width=sums.width,
-        rest_thickness=problem.rest.thickness,
-        floor=problem.floor,
+        rest_thickness=rest.thickness,
+        floor=loose * (material.floor * rest.thickness),
         strain=loose * sums.slices * material.k,
         slope=2 * material.alpha * loose * sums.slices,
         radii=_by_radii(apart, tension, turn),
@@ -282,7 +285,7 @@ def system_of(problem: Problem) -> System:
         tension=tension,
         change=change,
         turn=turn,
-        r0=problem.rest.r0,
+        r0=rest.r0,
         k=material.k,
         mu=material.mu,
         friction_total=xp.maximum(limit.sum(), 1e-300),

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from jaxclay.clay.html import side_by_side, silhouettes
 
-if TYPE_CHECKING:
-    from jaxclay.solve.solution import Solution
 
-
-def solution_html(solution: Solution) -> str:
+def solution_html(solution: Any) -> str:
     """The shape before and after, the status and what the certificate says."""
     certificate, rough = solution.certificate, solution.rough
     rows = {

@@ -15,6 +15,7 @@ from jaxclay.schemes.resolution import resolvable_slices
 from jaxclay.schemes.rough import RoughShape, rough_shape
 from jaxclay.schemes.slices.edges import with_edges
 from jaxclay.solve.certificate import Certificate
+from jaxclay.solve.html import solution_html
 
 
 class Status(enum.IntEnum):
@@ -239,6 +240,4 @@ class Solution:
         return text.lines(*lines)
 
     def _repr_html_(self) -> str:
-        from jaxclay.solve.html import solution_html
-
         return solution_html(self)

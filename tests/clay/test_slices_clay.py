@@ -146,7 +146,8 @@ def test_the_contour_goes_through_edges_middles_and_ends(squash):
     edges = {tuple(edge) for edge in clay.edges}
     assert {radius for _, radius in edges} == {squash.radius}
     distinct = line[1:-1][np.append(True, np.abs(np.diff(line[1:-1], axis=0)).max(axis=1) > 0)]
-    np.testing.assert_allclose(distinct, expected, rtol=0, atol=1e-14)
+    # The oracle divides differences of heights, which are rounded.
+    np.testing.assert_allclose(distinct, expected, rtol=0, atol=1e-13)
 
 
 def succession(count, seed=0):

@@ -8,7 +8,7 @@ from scenes import REFERENCE, SNAKE
 import jaxclay
 from jaxclay import METHODS, Clay, pose
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+README = Path(__file__).resolve().parents[2] / "README.md"
 HEADER = "| in snake units | paper | slices, equal | slices, placed | spline |"
 CLAY = Clay.cylinder(slices=24)
 POSED = {

@@ -14,7 +14,7 @@ pytest.importorskip("distributed")
 
 from sweeps import GREEDY
 
-from jaxclay.experiments.compare import load, sweep
+from jaxclay.experiments import load, run
 from jaxclay.experiments.sweep import backends, engine, estimate
 from jaxclay.experiments.sweep.experiment import read_experiment
 from jaxclay.experiments.sweep.tasks import identity
@@ -39,7 +39,7 @@ def experiment(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def serial(experiment, tmp_path_factory):
-    return sweep(experiment, tmp_path_factory.mktemp("serial"))
+    return run(experiment, tmp_path_factory.mktemp("serial"))
 
 
 def assert_same(table, other):
@@ -84,7 +84,7 @@ def test_workers_have_one_thread_each_and_the_same_compilations():
 
 def test_processes_are_spawned_on_a_core_each_and_agree(serial, experiment, tmp_path):
     before = dict(os.environ)
-    table = sweep(experiment, tmp_path, backend="processes")
+    table = run(experiment, tmp_path, backend="processes")
     assert_same(table, serial)
     assert os.getpid() not in set(table.process)
     if hasattr(os, "sched_setaffinity"):
@@ -96,7 +96,7 @@ def test_a_process_that_dies_is_said_and_what_ended_is_kept(serial, experiment, 
     with pytest.raises(RuntimeError, match="a worker process died"):
         engine.run(read_experiment(experiment), tmp_path, "processes", tell=killer([]))
     assert 0 < len(load(tmp_path)) < COUNT
-    assert_same(sweep(experiment, tmp_path), serial)
+    assert_same(run(experiment, tmp_path), serial)
 
 
 def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeypatch):
@@ -111,7 +111,7 @@ def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
                       env=backends.one_thread(), silence_logs=50) as cluster:  # fmt: skip
         address = cluster.scheduler_address
-        table = sweep(experiment, tmp_path, backend="dask", scheduler=address)
+        table = run(experiment, tmp_path, backend="dask", scheduler=address)
         assert table.process.nunique() == 1
     assert_same(table, serial)
 
@@ -123,7 +123,7 @@ def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
         path.write_text(GREEDY.replace("slices = 8", f"slices = {n}"))
     with backends.local_cluster() as cluster, ThreadPoolExecutor(2) as pool:
         runs = [
-            pool.submit(sweep, path, path.with_suffix(""), backend="dask",
+            pool.submit(run, path, path.with_suffix(""), backend="dask",
                         scheduler=cluster.scheduler_address)
             for path in paths
         ]  # fmt: skip

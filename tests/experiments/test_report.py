@@ -15,7 +15,7 @@ import pyarrow.compute as pc  # noqa: E402
 import pyarrow.parquet as pq  # noqa: E402
 
 from jaxclay.cli.main import main  # noqa: E402
-from jaxclay.experiments.compare import load, load_curves, sweep  # noqa: E402
+from jaxclay.experiments import load, load_curves, run  # noqa: E402
 from jaxclay.experiments.sweep import report  # noqa: E402
 from jaxclay.experiments.sweep.charts import prepared, timing_charts  # noqa: E402
 
@@ -45,7 +45,7 @@ def folder(tmp_path_factory):
     base = tmp_path_factory.mktemp("report")
     for name, text in (("timing", TIMING), ("throughput", THROUGHPUT)):
         (base / f"{name}.toml").write_text(text)
-        sweep(base / f"{name}.toml", base / "out")
+        run(base / f"{name}.toml", base / "out")
     assert main(["report", str(base / "out")]) == 0
     return base / "out"
 
@@ -184,7 +184,7 @@ def test_where_no_minimum_is_certified_the_row_says_so(folder, monkeypatch, tmp_
             "cylinders = { radius = [0.4, 0.5, 0.6] }", "cylinders = { radius = 0.7 }"
         )
     )
-    table = sweep(path, tmp_path / "out")
+    table = run(path, tmp_path / "out")
     assert set(table.reference) == {"none certified"}
     assert table[["gap", "gap_relative", "contour_error", "energy_minimum"]].isna().all(axis=None)
     assert main(["report", str(tmp_path / "out")]) == 0

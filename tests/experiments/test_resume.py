@@ -17,7 +17,7 @@ pytest.importorskip("pydantic")
 from sweeps import COUNT, TEXT, files, same, start, wait_for
 
 from jaxclay.cli.main import main
-from jaxclay.experiments.compare import load, sweep
+from jaxclay.experiments import load, run
 from jaxclay.experiments.sweep import engine, estimate, store
 from jaxclay.experiments.sweep.experiment import read_experiment
 
@@ -39,7 +39,7 @@ def test_a_run_killed_at_any_moment_goes_on(whole, experiment, tmp_path):
         process.communicate()
     assert 0 < len(files(tmp_path)) < COUNT / 2
     before = set(load(tmp_path).key)
-    sweep(experiment, tmp_path)
+    run(experiment, tmp_path)
     assert same(tmp_path, whole)
     kept = load(tmp_path).set_index("key").loc[list(before)]
     assert (kept.process != os.getpid()).all()  # what was done has not been done again
@@ -70,7 +70,7 @@ def test_two_runs_on_one_folder_share_it(whole, experiment, tmp_path):
 
 def test_damaged_files_are_set_aside_and_done_again(whole, experiment, tmp_path, monkeypatch):
     monkeypatch.setattr(estimate, "_MOST", 2)
-    sweep(experiment, tmp_path)
+    run(experiment, tmp_path)
     first, second, third, *_ = files(tmp_path)
     first.write_bytes(first.read_bytes()[:500])
     second.write_bytes(b"")
@@ -81,7 +81,7 @@ def test_damaged_files_are_set_aside_and_done_again(whole, experiment, tmp_path,
         assert len(load(tmp_path)) == COUNT - 6
     assert len(said) == 3
     with pytest.warns(UserWarning, match="set aside") as said:
-        sweep(experiment, tmp_path)
+        run(experiment, tmp_path)
     assert len(said) == 3
     assert len(list((tmp_path / "results").glob("*.damaged"))) == 3
     assert same(tmp_path, whole)
@@ -107,7 +107,7 @@ def test_a_full_disk_keeps_what_was_written_and_says_how_to_go_on(
     assert f"kept in {tmp_path}; then jaxclay sweep" in complaint
     assert len(load(tmp_path)) == 6
     assert len(list((tmp_path / "results").iterdir())) == 3  # nothing half-written
-    sweep(experiment, tmp_path)
+    run(experiment, tmp_path)
     assert same(tmp_path, whole)
 
 

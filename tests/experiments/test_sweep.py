@@ -14,7 +14,7 @@ pytest.importorskip("pydantic")
 from sweeps import COUNT, TEXT  # noqa: E402
 
 from jaxclay.cli.main import main  # noqa: E402
-from jaxclay.experiments.compare import load, load_curves, sweep  # noqa: E402
+from jaxclay.experiments import load, load_curves, run  # noqa: E402
 from jaxclay.experiments.sweep import engine, estimate, timing  # noqa: E402
 from jaxclay.experiments.sweep.batched import minimized  # noqa: E402
 from jaxclay.experiments.sweep.experiment import read_experiment  # noqa: E402
@@ -34,7 +34,7 @@ def test_answers_are_what_the_library_says(whole, experiment):
 def test_gaps_are_measured_from_another_methods_certified_minimum(whole, tmp_path):
     path = tmp_path / "newton.toml"
     path.write_text(TEXT.replace('"greedy-refined"', '"newton"'))
-    newton = sweep(path, tmp_path / "out").query("method == 'newton'")
+    newton = run(path, tmp_path / "out").query("method == 'newton'")
     greedy = load(whole)
     assert set(newton.reference) == {"lbfgs-preconditioned"}
     assert set(greedy.reference) == {"newton"}
@@ -60,7 +60,7 @@ def test_columns_are_documented_and_curves_are_the_answers_contours(whole, exper
 def test_what_cannot_be_posed_is_skipped_and_says_why(tmp_path, experiment):
     path = tmp_path / "thin.toml"
     path.write_text(TEXT.replace("[0.4, 0.5]", "[0.4, 0.1]"))
-    table = sweep(path, tmp_path / "out")
+    table = run(path, tmp_path / "out")
     thin = table[table.band_height == 0.1]
     assert set(thin.status) == {"skipped"}
     assert thin.reason.str.contains("imposes no radius").all()
@@ -86,7 +86,7 @@ def test_timing_runs_alone_on_one_core_with_compiling_apart(tmp_path):
     text = TEXT.replace("throughput", "timing").replace("[0.4, 0.5, 0.6]", "0.5")
     path.write_text("repeats = 2\n" + text + "stops = [1, 2, 4]\n")
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
-    table = sweep(path, tmp_path / "out")
+    table = run(path, tmp_path / "out")
     assert set(table.kind) == {"timing"}
     assert (table.compile_s > 0).any()
     assert (table.repeats >= 2).all()
@@ -145,7 +145,7 @@ schemes = ["slices"]
 def test_scenes_are_solved_to_tolerances_in_batches(tmp_path):
     path = tmp_path / "tolerances.toml"
     path.write_text(TOLERANCES)
-    table = sweep(path, tmp_path / "out")
+    table = run(path, tmp_path / "out")
     assert sorted(table.tolerance) == [0, 0, 1e-3, 1e-3, 1e-2, 1e-2]
     within = table[table.tolerance > 0]
     assert (within.status == "converged").all()
@@ -177,7 +177,7 @@ schemes = ["paper", "spline"]
 def test_splines_are_measured_from_another_methods_minimum_and_from_the_continuum(tmp_path):
     path = tmp_path / "splines.toml"
     path.write_text(SPLINES)
-    table = sweep(path, tmp_path / "out").set_index("scheme")
+    table = run(path, tmp_path / "out").set_index("scheme")
     spline, paper = table.loc["spline"], table.loc["paper"]
     assert spline.reference == paper.reference == "lbfgs-preconditioned"
     assert abs(spline.gap_relative) < 1e-8

@@ -18,7 +18,6 @@ import pandas as pd
 from rich.console import Console
 
 from jaxclay.experiments.compare.results import number, records, select
-from jaxclay.experiments.sweep.command import INTERRUPTED
 from jaxclay.experiments.sweep.engine import run_tasks
 from jaxclay.experiments.sweep.experiment import experiment_path, read_experiment
 from jaxclay.experiments.sweep.load import table
@@ -26,7 +25,7 @@ from jaxclay.experiments.sweep.store import keep_experiment
 from jaxclay.experiments.sweep.tables import AgreeTable, Experiment
 from jaxclay.experiments.sweep.tasks import tasks
 from jaxclay.experiments.sweep.values import Values
-from jaxclay.experiments.sweep.watch import watched
+from jaxclay.experiments.sweep.watch import INTERRUPTED, watched
 
 METHOD = "greedy-refined"
 _SCHEMES = {

@@ -14,7 +14,7 @@ try:
     from jaxclay.experiments.sweep import engine
     from jaxclay.experiments.sweep.experiment import experiment_path, read_experiment
     from jaxclay.experiments.sweep.store import keep_experiment
-    from jaxclay.experiments.sweep.watch import Interrupt, watched
+    from jaxclay.experiments.sweep.watch import INTERRUPTED, Interrupt, watched
 except ImportError as error:
     raise ImportError(
         f"jaxclay sweep needs {error.name}: pip install 'jaxclay[sweep]'", name=error.name
@@ -23,7 +23,6 @@ except ImportError as error:
 from jaxclay.experiments.sweep.engine import Work, in_words
 from jaxclay.experiments.sweep.tables import Experiment
 
-INTERRUPTED = 130
 _MISSING = 1
 
 
@@ -38,7 +37,7 @@ def sweep(
     quiet: bool = False,
     interrupt: Interrupt = lambda: None,
 ) -> int:
-    """Run an experiment file, or what is missing of it: :func:`jaxclay.experiments.compare.sweep`.
+    """Run an experiment file, or what is missing of it: :func:`jaxclay.experiments.run`.
 
     Returns 0, 1 if results are missing at the end, or 130 if it was interrupted.
     """

@@ -26,7 +26,7 @@ _LABELS = ("key", "kind", "scene", "number", "units", "scheme", "slices", "eleme
 
 
 def table(folder: str | Path) -> pd.DataFrame:
-    """A row for each task that is done; see :func:`jaxclay.experiments.compare.load`."""
+    """A row for each task that is done; see :func:`jaxclay.experiments.load`."""
     whole = _read(Path(folder), COLUMNS).to_pandas()
     order = [
         "kind",
@@ -47,7 +47,7 @@ def table(folder: str | Path) -> pd.DataFrame:
 
 
 def curves(folder: str | Path) -> xr.Dataset:
-    """The contours and traces of those tasks: :func:`jaxclay.experiments.compare.load_curves`."""
+    """The contours and traces of those tasks: :func:`jaxclay.experiments.load_curves`."""
     whole = _read(Path(folder), [*_LABELS, *CURVES]).to_pandas().drop_duplicates(subset="key")
     variables: dict[str, Any] = {}
     for name, (_, text) in CURVES.items():

@@ -10,6 +10,7 @@ from jaxclay.experiments.compare.progress import fit, progress_bar, rate
 from jaxclay.experiments.compare.rows import Row
 from jaxclay.experiments.sweep.engine import Tell, in_words
 
+INTERRUPTED = 130
 _EVERY = 30.0  # seconds between the lines of the quiet mode
 Interrupt = Callable[[], None]
 
