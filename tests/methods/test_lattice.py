@@ -11,7 +11,7 @@ from jaxclay import Material, Squash, Status, minimize, pose, rough_shape
 from jaxclay.methods.lattice import best_on_lattice, label_steps
 from jaxclay.numerics.host import compiled, in_float64
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "scripts" / "benchmarks"
 COARSE = Material(mu=0.5, alpha=0.02, beta=1e-4)
 PLAIN = Material(alpha=0.0, beta=0.0)
 FLOORED = Squash(0.0, 0.5, 0.3), Material(mu=3.0, alpha=0.0, beta=0.0)
@@ -165,7 +165,7 @@ def test_bad_settings_are_named(settings, message):
 
 def test_the_search_sees_a_better_basin_and_finds_none_around_a_minimum(monkeypatch):
     monkeypatch.syspath_prepend(SCRIPTS)
-    from lattice_search import search
+    from lattice import search
 
     problem = cylinder_problem(REFERENCE, SNAKE)
     minimum = search("reference", "snake", minimize(problem))

@@ -1,4 +1,4 @@
-"""``scripts/accuracy``: run the population, print the medians, draw the picture."""
+"""``scripts/bench accuracy``: run the population, print the medians, draw the picture."""
 
 from __future__ import annotations
 
@@ -93,14 +93,10 @@ def print_table(table: pd.DataFrame, console: Console) -> None:
 
 
 def _parsed(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="scripts/accuracy", description=accuracy.__doc__)
+    parser = argparse.ArgumentParser(prog="scripts/bench accuracy", description=accuracy.__doc__)
     parser.add_argument("--out", type=Path, default=Path("accuracy"), help="folder to write to")
     parser.add_argument("--scenes", type=int, help="random scenes (default 60)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quick", action="store_true", help="two scenes, few grids")
     parser.add_argument("--draw", action="store_true", help="draw the results already in --out")
     return parser.parse_args(arguments)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

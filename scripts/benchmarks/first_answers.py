@@ -1,4 +1,4 @@
-"""First answers of a fresh process: python scripts/first_answers.py NAME prints what each costs.
+"""First answers of a fresh process: python first_answers.py NAME prints what each costs.
 
 A JSON list with an entry for each step: CPU seconds of all threads, seconds that XLA compiled,
 programs that it compiled.  Imports come before the first step.
