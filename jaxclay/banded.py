@@ -175,3 +175,4 @@ def widest(fun: Callable[[Array], Array], x: Array) -> Array:
 # Last, since it needs what is above.
 from jaxclay.banded_newton import BandedResult as BandedResult  # noqa: E402
 from jaxclay.banded_newton import minimize_banded as minimize_banded  # noqa: E402
+from jaxclay.banded_steps import BandedStatus as BandedStatus  # noqa: E402
