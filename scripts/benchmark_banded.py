@@ -1,7 +1,8 @@
 """minimize_banded beside Optimistix and SciPy on smoothed Poisson counts; see scripts/docs.
 
-Medians of warm calls made in turn, on one thread, since SciPy's and JAX's get in each other's way.  The error is the largest of the log rates, from those of
-minimize_banded; Optimistix's BFGS holds a dense matrix and takes part up to n = 1000.
+Medians of warm calls made in turn, on one thread, since SciPy's and JAX's get in each other's
+way.  The error is the largest of the log rates, from those of minimize_banded; Optimistix's BFGS
+holds a dense matrix and takes part up to n = 1000.
 """
 
 from __future__ import annotations
