@@ -2,14 +2,13 @@
 
     result = minimize_banded(fun, start, half_bandwidth=2)
 
-Where the Hessian H is not positive definite a multiple of the identity is added
-(Nocedal and Wright 2006, section 3.4), and every step is cut short until it
-lowers the function (Armijo 1966).
+.. include:: banded_newton.md
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -17,26 +16,23 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.numerics.arrays import Array
-from jaxclay.numerics.banded import factorize, local_model, product, reaches_beyond, solve, widest
+from jaxclay.numerics.banded import local_model, solve_exactly, widest
+from jaxclay.numerics.banded_steps import BandedStatus, run
 from jaxclay.numerics.checks import as_number, check_positive
-from jaxclay.numerics.host import compiled, in_float64, is_concrete, is_transformed
+from jaxclay.numerics.host import _outside, compiled, in_float64, is_concrete, is_transformed
 
-_FIRST_SHIFT = 1e-8  # over H's largest entry, as are the others
-_LAST_SHIFT = 1e8  # where a step is the gradient's and too short to see
-_GROWTH, _FALL = 10.0, 0.25
-_ARMIJO = 1e-4
-_HALVINGS = 40
-_NOTHING = 2e-16  # of |f|: lost in rounding
-
-_GOING, _CONVERGED, _STALLED, _LIMIT, _NON_FINITE, _TOO_NARROW = range(-1, 5)
-_MEANING = (
-    "converged: a full Newton step from here on would gain nothing",
-    "stalled: no step lowers the function any more, but the model has no minimum here: rounding "
-    "hides it, the Hessian is singular or that of a saddle, or the function is not smooth",
-    "iteration limit: raise max_iterations or start nearer; or there is no minimum",
-    "non-finite: the function or its derivatives are not finite where it stopped",
-    "too narrow: the Hessian has entries outside the bands; raise half_bandwidth",
-)
+_MEANING = {
+    BandedStatus.CONVERGED: "a minimum, to the tolerance or to rounding",
+    BandedStatus.STALLED: "no step lowers the function, yet it is no minimum that can be told from "
+    "a saddle or a kink: start elsewhere; smooth what is not smooth; or take large constants out "
+    "of the function, whose rounding may hide what is left",
+    BandedStatus.ITERATION_LIMIT: "raise max_iterations or start nearer; or there is no minimum",
+    BandedStatus.NON_FINITE: "the function or its derivatives are not finite where it stopped: "
+    "start where they are, or scale the function so that they do not overflow",
+    BandedStatus.UNBOUNDED: "the function falls for ever: add what holds it from below, or start "
+    "nearer the local minimum that you mean",
+    BandedStatus.TOO_NARROW: "the Hessian has entries outside the bands: raise half_bandwidth",
+}
 
 
 class BandedResult(NamedTuple):
@@ -54,9 +50,9 @@ class BandedResult(NamedTuple):
     iterations : int
         Passes of the loop, each with one Hessian and one factorisation.
     converged : bool
-        Whether x is a local minimum: H positive definite, nothing left to gain.
+        Whether x is a local minimum.
     code : int
-        How it ended: see ``message``.
+        How it ended: see ``status`` and ``message``.
     """
 
     x: Array
@@ -68,9 +64,14 @@ class BandedResult(NamedTuple):
     code: Array
 
     @property
+    def status(self) -> BandedStatus:
+        """How it ended."""
+        return BandedStatus(int(self.code))
+
+    @property
     def message(self) -> str:
-        """How it ended, in words."""
-        return _MEANING[int(self.code)]
+        """The status, what it means and what to do."""
+        return f"{self.status}: {_MEANING[self.status]}"
 
 
 def minimize_banded(
@@ -83,10 +84,16 @@ def minimize_banded(
 ) -> BandedResult:
     """Minimise a smooth function R^n -> R whose Hessian is banded, by Newton's method.
 
-    One compiled call, on the host in float64.  It has converged when H is positive
-    definite and the decrement 1/2 g^T H^-1 g is at most ``tolerance`` |fun|, or the
-    Newton step, in the norm of H, ``tolerance`` times x; that step is still taken.
+    One compiled call, on the host in float64.  It has converged where the last Newton step
+    moves every coordinate x_i by at most ``tolerance`` |x_i| (of those below 1e-8:
+    ``tolerance`` 1e-8), or the gradient is nothing but rounding, and H is positive definite,
+    or semidefinite with nothing lower.
     Under ``jit`` and ``vmap`` nothing is raised: look at ``converged``.
+
+    ``x`` and ``value`` can be differentiated by ``args``, any number of times and in either mode,
+    by the implicit function theorem: dx = -H^-1 d(gradient), with the banded factor at
+    the minimum.  This means something only where H is positive definite there.  By ``start``
+    the derivative is 0.
 
         def chain(x, weights):
             return jnp.sum(weights * jnp.diff(x, 2) ** 2) + jnp.sum(jnp.cosh(x) - x)
@@ -107,7 +114,7 @@ def minimize_banded(
     args : tuple of arrays or pytrees
         New values do not compile anew.  On the host integers become float64.
     tolerance : float
-        Of the gain that is left and of the step.
+        Of the last step, over x, coordinate by coordinate.
     max_iterations : int
         Most passes of the loop.
 
@@ -117,12 +124,19 @@ def minimize_banded(
         A start that is not a finite vector, a half-bandwidth, tolerance or limit
         out of range, a Hessian wider than stated; the error says how wide it is.
     TypeError
-        Inside a JAX transformation while float64 is off; args that are no tuple.
+        Inside a JAX transformation while float64 is off; args that are no tuple; a function
+        that closes over traced values, which belong into ``args``.
+
+    References
+    ----------
+    Nocedal and Wright 2006, *Numerical Optimization*, sections 3.4 and 3.5; Curtis, Powell and
+    Reid 1974, *On the estimation of sparse Jacobian matrices*.
     """
     start = _checked(start, half_bandwidth, args, tolerance, max_iterations)
     name, values = "banded.minimize_banded", (start, args, tolerance, max_iterations)
+    _check_closure(fun, start, args)
     result = in_float64(name, _minimize, *values, energy=fun, half_bandwidth=int(half_bandwidth))
-    if not is_transformed(result) and result.code == _TOO_NARROW:
+    if not is_transformed(result) and result.code == BandedStatus.TOO_NARROW:
         true = int(in_float64(name, _needed, result.x, args, energy=fun))
         needed = max(true, half_bandwidth + 1)
         raise ValueError(f"half_bandwidth must be {needed} for this Hessian, got {half_bandwidth}")
@@ -150,91 +164,50 @@ def _checked(start, half_bandwidth, args, tolerance, max_iterations) -> Array:
     return jnp.asarray(start, float) if is_transformed(start, args) else np.asarray(start, float)
 
 
+def _check_closure(fun, start, args) -> None:
+    """Raise if ``fun`` holds traced values, whose derivatives would be lost."""
+    if _outside():
+        return
+    held = jax.make_jaxpr(lambda x, args: fun(x, *args))(start, args).consts
+    if is_transformed(held):
+        shapes = ", ".join(str(np.shape(leaf)) for leaf in held if is_transformed(leaf))
+        raise TypeError(
+            f"fun closes over traced values, of shapes {shapes}: give them in args, as in "
+            "minimize_banded(fun, start, half_bandwidth, args=(a,)) with fun(x, a)"
+        )
+
+
 @compiled("energy")
 def _needed(x: Array, args: tuple, *, energy) -> Array:
     return widest(lambda x: energy(x, *args), x)
 
 
-class _State(NamedTuple):
-    x: Array
-    shift: Array  # of H, over its largest entry
-    failed: Array  # whether the last pass found no step
-    decrement: Array
-    iterations: Array
-    code: Array
-
-
 @compiled("energy", "half_bandwidth")
 def _minimize(start, args, tolerance, max_iterations, *, energy, half_bandwidth) -> BandedResult:
+    return _implicitly(energy, half_bandwidth, start, args, tolerance, max_iterations)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _implicitly(energy, half_bandwidth, start, args, tolerance, max_iterations) -> BandedResult:
     def fun(x):
         return energy(x, *args)
 
-    nothing = _NOTHING * jnp.abs(fun(start))
-
-    def step(state: _State) -> _State:
-        return _step(fun, state, half_bandwidth, tolerance, nothing)
-
-    def go_on(state: _State):
-        return (state.code == _GOING) & (state.iterations < max_iterations)
-
-    zero = jnp.zeros((), start.dtype)
-    none, going = jnp.asarray(0), jnp.asarray(_GOING)
-    first = _State(start, zero, jnp.asarray(False), zero + jnp.inf, none, going)
-    last = jax.lax.while_loop(go_on, step, first)
-    value_and_gradient = jax.value_and_grad(fun)(last.x)
-    code = jnp.where(last.code == _GOING, _LIMIT, last.code)
-    end = last.decrement, last.iterations, code == _CONVERGED, code
-    return BandedResult(last.x, *value_and_gradient, *end)
+    last = run(fun, start, half_bandwidth, tolerance, max_iterations)
+    value, gradient = jax.value_and_grad(fun)(last.x)
+    converged = last.code == int(BandedStatus.CONVERGED)
+    end = last.decrement, last.iterations, converged, last.code
+    return BandedResult(last.x, value, gradient, *end)
 
 
-def _step(fun, state: _State, half_bandwidth: int, tolerance, nothing) -> _State:
-    """One factorisation of H + shift, and one step if that is positive definite."""
-    x, shift = state.x, state.shift
-    value, gradient, bands = local_model(fun, x, half_bandwidth)
-    largest = jnp.max(jnp.abs(bands))
-    factor = factorize(bands.at[0].add(shift * jnp.where(largest > 0, largest, 1.0)))
-    delta = jnp.where(factor.positive, -solve(factor, gradient), 0.0)
-    decrement = jnp.where(factor.positive, -gradient @ delta / 2, state.decrement)
-
-    gate = tolerance * jnp.maximum(jnp.abs(value), nothing)
-    size = jnp.abs(x) @ product(jnp.abs(bands), jnp.abs(x)) / 2
-    near = (decrement <= gate) | (decrement <= tolerance**2 * size)
-    near &= factor.positive & (shift == 0)
-    length = _line_search(fun, x, value, delta, decrement, jnp.where(near, gate, 0.0))
-    fails = ~factor.positive | ((length == 0) & ~near)
-    # A saddle, or a minimum along a whole line, where H alone is not positive definite.
-    stuck = factor.positive & state.failed & (decrement <= _NOTHING * jnp.abs(value))
-
-    code = jnp.where(near, _CONVERGED, _GOING)
-    code = jnp.where(stuck | (fails & (shift >= _LAST_SHIFT)), _STALLED, code)
-    code = jnp.where(reaches_beyond(fun, x, bands), _TOO_NARROW, code)
-    finite = jnp.isfinite(value + jnp.sum(gradient) + jnp.sum(bands))
-    code = jnp.where(finite, code, _NON_FINITE)
-    moved = jnp.where((code == _GOING) | (code == _CONVERGED), x + length * delta, x)
-    grown, fallen = jnp.maximum(_GROWTH * shift, _FIRST_SHIFT), _FALL * shift
-    fallen = jnp.where((fallen < _FIRST_SHIFT) | (decrement <= gate), 0.0, fallen)
-    shift = jnp.where(fails, grown, fallen)
-    return _State(moved, shift, fails, decrement, state.iterations + 1, code)
-
-
-def _line_search(fun, x, value, delta, decrement, allowed) -> Array:
-    """Longest of some halved steps that lowers the function; 0 where none does.
-
-    ``allowed`` is by how much it may rise all the same.
-    """
-
-    def rejected(length):
-        there = fun(x + length * delta)
-        lowers = there <= value - 2 * _ARMIJO * length * decrement + allowed
-        return ~(lowers & jnp.isfinite(there))
-
-    def go_on(carry):
-        length, fails = carry
-        return fails & (length > 0.5**_HALVINGS)
-
-    def shorter(carry):
-        return carry[0] / 2, rejected(carry[0] / 2)
-
-    first = jnp.full((), 2.0, x.dtype), jnp.asarray(True)
-    length, fails = jax.lax.while_loop(go_on, shorter, first)
-    return jnp.where(fails, 0.0, length)
+@_implicitly.defjvp
+def _implicitly_jvp(energy, half_bandwidth, primals, tangents):
+    """Where the gradient stays 0; the rule for derivatives of this rule is the rule itself."""
+    args, change = primals[1], tangents[1]
+    result = _implicitly(energy, half_bandwidth, *primals)
+    x = result.x
+    _, rate = jax.jvp(lambda args: jax.grad(energy)(x, *args), (args,), (change,))
+    bands = local_model(lambda x: energy(x, *args), x, half_bandwidth).bands
+    step = -solve_exactly(bands, rate)
+    _, gain = jax.jvp(lambda x, args: energy(x, *args), (x, args), (step, change))
+    rest = jax.tree.map(jax.custom_derivatives.zero_from_primal, result)
+    return result, rest._replace(x=step, value=gain)

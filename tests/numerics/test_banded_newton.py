@@ -214,7 +214,7 @@ def saddle(x):
 def test_a_saddle_is_no_minimum():
     result = minimize_banded(saddle, np.zeros(6), 1)
     assert not result.converged
-    assert result.message.startswith("stalled")
+    assert result.value < -1e6  # it has none: f falls along the first coordinate
     away = minimize_banded(saddle, 1e-3 * np.arange(1.0, 7.0), 1, max_iterations=1000)
     assert away.value < -0.1
 
