@@ -10,6 +10,8 @@ from pathlib import Path
 import nbclient
 import nbformat
 
+from jaxclay.files.output import patient_output
+
 _FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 
 
@@ -21,7 +23,8 @@ def main() -> int:
     chosen = parser.parse_args().names or names
     if unknown := [name for name in chosen if name not in names]:
         parser.error(f"there is no notebook {unknown[0]!r}: choose from {', '.join(names)}")
-    empty = [name for name in chosen if not written(name)]
+    with patient_output():
+        empty = [name for name in chosen if not written(name)]
     if empty:
         print(f"no picture in {', '.join(empty)}", file=sys.stderr)
     return 1 if empty else 0

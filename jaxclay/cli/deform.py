@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jaxclay.files.profiles import PROFILES, loaded, save_profile
+from jaxclay.clay.clay import Converted
+from jaxclay.files.profiles import PROFILES, is_special, loaded, save_profile
 from jaxclay.files.svg import save_svg
 from jaxclay.methods import METHODS
 from jaxclay.model.material import Material
@@ -78,6 +79,31 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
     material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
     chosen = _chosen(options)
     _check_targets(options.out, options.plot, options.svg)
+    clay, error = _profile(options, chosen)
+    said: list[str] = []
+    solution = None
+    try:
+        for text, squash in zip(options.squash, squashes, strict=True):
+            interrupt()
+            solution = deform(clay, squash, material, **chosen)
+            if solution.status in (Status.INFEASIBLE, Status.NON_FINITE):
+                raise ValueError(f"--squash {text}: {solution.message}")
+            if solution.error_estimate is not None:
+                error += float(solution.error_estimate)
+            said.append(describe(text, solution, error))
+            clay = solution.clay
+        assert solution is not None  # --squash is required
+        _write(solution, options)
+        written = filter(None, (options.out, options.plot, options.svg))
+        said.append("wrote " + " and ".join(str(path) for path in written))
+    finally:  # not before the files are there, which printing must not cost
+        for lines in said:
+            print(lines)
+    return 0
+
+
+def _profile(options: argparse.Namespace, chosen: dict[str, Any]) -> Converted:
+    """The clay to squash; sets how many slices to solve on, where no tolerance does."""
     clay, error = loaded(options.profile, minimum_radius=options.minimum_radius)
     if options.tolerance is None:
         kept = clay.slices if error == 0 else _SLICES  # a file that jaxclay wrote is exact
@@ -87,21 +113,7 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
             f"{options.profile} in {clay.slices} slices is already {error:.2g} of the height off, "
             f"more than --tolerance {options.tolerance:g}: ask for {1.1 * error:.2g} or more"
         )
-    solution = None
-    for text, squash in zip(options.squash, squashes, strict=True):
-        interrupt()
-        solution = deform(clay, squash, material, **chosen)
-        if solution.status in (Status.INFEASIBLE, Status.NON_FINITE):
-            raise ValueError(f"--squash {text}: {solution.message}")
-        if solution.error_estimate is not None:
-            error += float(solution.error_estimate)
-        print(describe(text, solution, error))
-        clay = solution.clay
-    assert solution is not None  # --squash is required
-    _write(solution, options)
-    written = filter(None, (options.out, options.plot, options.svg))
-    print("wrote " + " and ".join(str(path) for path in written))
-    return 0
+    return Converted(clay, error)
 
 
 def _chosen(options: argparse.Namespace) -> dict[str, Any]:
@@ -125,9 +137,9 @@ def _check_targets(*targets: Path | None) -> None:
     for target in filter(None, targets):
         if target.is_dir():
             raise ValueError(f"{target} is a folder: name a file in it")
-        if not target.absolute().parent.is_dir():
-            raise ValueError(f"no folder {target.absolute().parent} to write {target.name} into")
-    names = [target.absolute() for target in targets if target is not None]
+        if not target.resolve().parent.is_dir():
+            raise ValueError(f"no folder {target.resolve().parent} to write {target.name} into")
+    names = [target.resolve() for target in filter(None, targets) if not is_special(target)]
     if len(set(names)) < len(names):
         raise ValueError(
             f"two of --out, --plot and --svg name the same file, {names[0]}: name one for each"

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import argparse
 import atexit
-import contextlib
 import os
 import signal
 import sys
+import traceback
 from pathlib import Path
 
 from jaxclay.cli.deform import add_minimum_radius
 from jaxclay.cli.deform import add_to as add_deform
 from jaxclay.experiments.atlas.options import add_to as add_atlas
 from jaxclay.experiments.sweep.options import add_to as add_sweep
+from jaxclay.files.output import patient_output
 from jaxclay.methods import METHODS
+from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.compilations import keep_compilations
 from jaxclay.version import __version__
 
 _ABOUT = "Differentiable virtual clay: rotationally symmetric deformation by energy minimisation."
 _BAD_INPUT = 2
+_FAULT = 70  # as EX_SOFTWARE of sysexits.h
 _INTERRUPTED = 130
 
 
@@ -31,26 +34,41 @@ def entry() -> None:
         code = _INTERRUPTED
     else:
         atexit._run_exitfuncs()
-    with contextlib.suppress(BrokenPipeError):
-        sys.stdout.flush()
-        sys.stderr.flush()
     # An end in good order aborts some of a hundred runs: XLA's and Arrow's threads outlive
     # what they use.
     os._exit(code)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; 0 if it went well, 2 on bad input, 130 on Ctrl-C."""
-    options = _parser().parse_args(arguments)
+    """Run a command; 0 if it went well, 2 on bad input, 70 on a fault inside, 130 on Ctrl-C."""
+    with patient_output():
+        return _run(_parser().parse_args(arguments))
+
+
+def _run(options: argparse.Namespace) -> int:
     keep_compilations()
     try:
-        return options.run(options)
-    except (ValueError, OSError, ImportError, RuntimeError) as error:
-        print(f"jaxclay {options.command}: error: {error}", file=sys.stderr)
-        return _BAD_INPUT
+        code = options.run(options)
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
         print(f"jaxclay {options.command}: interrupted", file=sys.stderr)
         return _INTERRUPTED
+    except Exception as error:
+        if _is_refusal(error):
+            print(f"jaxclay {options.command}: error: {error}", file=sys.stderr)
+            return _BAD_INPUT
+        traceback.print_exc()
+        print(f"jaxclay {options.command}: a fault inside, not in what was given", file=sys.stderr)
+        return _FAULT
+
+
+def _is_refusal(error: Exception) -> bool:
+    """Whether the user's input, files or packages are the cause, rather than a fault inside.
+
+    This package raises ValueError itself; kinds of it, such as LinAlgError, come from elsewhere.
+    """
+    return type(error) is ValueError or isinstance(error, Hindrance | OSError | ImportError)
 
 
 _interrupts: list[int] = []
@@ -123,3 +141,7 @@ def _compare(options: argparse.Namespace) -> int:
         peers=options.peers,
         interrupt=check_interrupt,
     )
+
+
+if __name__ == "__main__":
+    entry()

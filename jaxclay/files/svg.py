@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from jaxclay.clay.clay import Clay
+from jaxclay.clay.contour import check_rises
 from jaxclay.files.profiles import replacing
 from jaxclay.numerics.checks import check_positive
 
@@ -52,12 +53,14 @@ def save_svg(
     Raises
     ------
     ValueError
-        Millimetres or a tolerance that are not positive, or a tolerance too fine.
+        Millimetres or a tolerance that are not positive, a tolerance too fine, or a contour that
+        does not rise.
     OSError
         The file cannot be written.
     """
     check_positive("millimetres", millimetres)
     check_positive("tolerance", tolerance)
+    check_rises(clay)
     height = float(clay.height) * millimetres
     if tolerance < _FINEST * height:
         raise ValueError(

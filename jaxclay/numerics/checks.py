@@ -6,6 +6,12 @@ import numpy as np
 
 from jaxclay.numerics.host import is_concrete
 
+
+class Hindrance(RuntimeError):
+    """What this package cannot do as things stand, by no fault of its own: the message says why."""
+
+
+REFUSALS = (ValueError, Hindrance)  # how wrong input is answered; other errors are faults
 _FINEST, _COARSEST = 1e-9, 0.1  # of a contour's error, over the unit l
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from jax._src.core import trace_state_clean  # JAX has no public way to ask, but making an array
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 
 _MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have
 _LOOK_AFTER = 16  # compilations, of some hundred mappings each
@@ -123,6 +124,7 @@ class Compiled:
     """
 
     def __init__(self, fun: Callable[..., Any], static: tuple[str, ...] = ()):
+        fun = promoting(fun)
         functools.update_wrapper(self, fun)
         self.traced = jax.jit(fun, static_argnames=static)
         self._fun, self._static = fun, static
@@ -135,6 +137,17 @@ class Compiled:
     def __call__(self, *args: Any, **static: Any) -> Any:
         """The function compiled by itself, or as part of what is being traced."""
         return (self.traced if is_transformed(*args) else self.whole)(*args, **static)
+
+
+def promoting(fun: F) -> F:
+    """The function, with NumPy's promotion of dtypes inside, whichever the caller has set."""
+
+    @functools.wraps(fun)
+    def promoted(*args: Any, **static: Any) -> Any:
+        with jax.numpy_dtype_promotion("standard"):
+            return fun(*args, **static)
+
+    return promoted  # type: ignore[return-value]
 
 
 def compiled(*static: str) -> Callable[[Callable[..., Any]], Compiled]:

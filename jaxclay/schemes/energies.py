@@ -11,10 +11,11 @@ import numpy as np
 
 from jaxclay.model.energy import Terms
 from jaxclay.numerics.arrays import Array
-from jaxclay.numerics.host import compiled, in_float64, is_transformed
+from jaxclay.numerics.host import compiled, in_float64, is_transformed, promoting
 from jaxclay.schemes.base import AnyProblem
 
 
+@promoting
 def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
     """The four terms of E_total (eqs. 4, 5, 8, 9), scalars without a unit.
 

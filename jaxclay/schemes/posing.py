@@ -14,7 +14,14 @@ from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.checks import check_slices
-from jaxclay.numerics.host import check_float64, compiled, in_float64, is_concrete, is_transformed
+from jaxclay.numerics.host import (
+    check_float64,
+    compiled,
+    in_float64,
+    is_concrete,
+    is_transformed,
+    promoting,
+)
 from jaxclay.schemes.paper import sums_of
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.posing import SPACINGS, located, pose_on_host, pose_traced
@@ -24,6 +31,7 @@ SCHEMES = ("slices", "paper", "spline")
 _DEGREE, _ELEMENTS = 5, 8
 
 
+@promoting
 def pose(
     clay: Clay,
     squash: Squash,

@@ -17,6 +17,7 @@ from jaxclay.numerics.host import (
     check_float64,
     is_concrete,
     is_transformed,
+    promoting,
     pytree,
 )
 from jaxclay.schemes.base import AnyProblem
@@ -106,6 +107,7 @@ class RoughShape:
         return _CASES[int(self.case_below_code)]
 
 
+@promoting
 def rough_shape(problem: AnyProblem, discrete: bool = False) -> RoughShape:
     """The rough shape of a posed squash: E_move's minimum (eqs. 6, 12 to 19).
 

@@ -52,11 +52,17 @@ def minimize_batch(
     Raises
     ------
     ValueError
-        Settings for another number of problems.
+        Settings for another number of problems, a problem on splines.
     """
     chosen = [NewtonSettings()] * len(problems) if settings is None else list(settings)
     if len(chosen) != len(problems):
         raise ValueError(f"{len(chosen)} settings do not go with {len(problems)} problems")
+    for i, problem in enumerate(problems):
+        if problem.scheme == "spline":
+            raise ValueError(
+                f'problems[{i}] is on scheme "spline", but only "slices" and "paper" are solved in '
+                "batches: give it to jaxclay.minimize"
+            )
     return _solved([Wanted(problem, None) for problem in problems], chosen)
 
 

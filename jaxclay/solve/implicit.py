@@ -19,6 +19,7 @@ import numpy as np
 from jaxclay.methods.loop import Outcome, Start, run
 from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import promoting
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.sums import Point
@@ -38,6 +39,7 @@ def solve_implicitly(
 
 
 @solve_implicitly.defjvp
+@promoting
 def _solve_jvp(method, primals, tangents):
     (problem, start, settings, feasible), change = primals, tangents[0]
     # The rule for derivatives of this rule is the rule itself: so second ones are right too.

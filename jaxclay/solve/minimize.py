@@ -24,6 +24,7 @@ from jaxclay.numerics.host import (
     in_float64,
     is_concrete,
     is_transformed,
+    promoting,
 )
 from jaxclay.schemes.posing import check_scheme, pose
 from jaxclay.schemes.problem import Problem
@@ -43,6 +44,7 @@ from jaxclay.solve.solution import Derived, Solution, Status, status_code
 from jaxclay.solve.start import start_of
 
 
+@promoting
 def deform(
     clay: Clay,
     squash: Squash,
@@ -154,6 +156,7 @@ def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
     return dataclasses.replace(answer, levels=found.levels, error_estimate=found.error_estimate)
 
 
+@promoting
 def minimize(
     problem: Problem | SplineProblem,
     method: str = "newton",
@@ -188,8 +191,8 @@ def minimize(
     ------
     ValueError
         Unknown method or setting, a method that does not know the problem's scheme, a
-        setting out of its range, a start of the wrong length, out of order or below the
-        thickness floor.
+        setting out of its range, a start on another scheme, of the wrong length, out of order or
+        below the thickness floor.
     TypeError
         Inside a JAX transformation while float64 is off.
     """

@@ -23,6 +23,7 @@ from jaxclay.schemes.spline.space import Space, space
 from jaxclay.solve import spline_certificate as judge
 from jaxclay.solve.implicit import solve_implicitly
 from jaxclay.solve.solution import Derived, Solution, Verdict, status_code
+from jaxclay.solve.start import check_same_scheme
 
 _PROBES = 9  # places of a span at which Y_u is looked at
 _EPS = 1e-6  # friction's smoothing over l where a solve goes on
@@ -44,9 +45,7 @@ class SplineAnswer(NamedTuple):
     start: Start
 
 
-def minimize_on_spans(
-    problem: SplineProblem, start: Array | Solution | None, settings: Any, method: str
-) -> Solution:
+def minimize_on_spans(problem: SplineProblem, start: Any, settings: Any, method: str) -> Solution:
     """The minimum in the problem's splines."""
 
     def solve(problem: SplineProblem, start: Start) -> SplineAnswer:
@@ -87,12 +86,14 @@ def solved(
     return (broken, again()) if first.crosses else (problem, first)
 
 
-def begin_from(problem: SplineProblem, start: Array | Solution | None) -> Start:
+def begin_from(problem: SplineProblem, start: Any) -> Start:
     """Where to start; see :func:`jaxclay.minimize`."""
     if start is None:
         return in_float64("minimize", _evenly, problem)
+    check_same_scheme(problem, start)
     near = isinstance(start, Solution)
-    coefficients = start.point.coefficients if near else start
+    given = start.point if near else start
+    coefficients = getattr(given, "coefficients", given)
     if np.shape(coefficients) != np.shape(problem.shift):
         raise ValueError(
             f"start must hold one coefficient for each of {problem.shift.shape[0]}: got shape "

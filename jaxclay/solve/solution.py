@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from jaxclay.clay import text
 from jaxclay.model.energy import Terms
 from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.host import is_concrete, kept, pytree
 from jaxclay.schemes.base import Forces
 from jaxclay.schemes.resolution import resolvable_slices
@@ -219,7 +220,7 @@ class Solution:
             If it did not; the message names cause and cure.
         """
         if self.status is not Status.CONVERGED:
-            raise RuntimeError(self.message)
+            raise Hindrance(self.message)
         return self
 
     def __repr__(self) -> str:

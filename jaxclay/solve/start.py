@@ -21,7 +21,9 @@ def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
     """What the caller gave as start, checked; else the rough shape, rounded for newton."""
     if start is None:
         return cold(problem, rounded(problem, rough) if method == "newton" else rough)
+    check_same_scheme(problem, start)
     if isinstance(start, Point):
+        _check_one_each(problem, start.shift)
         return cold(problem, start)
     if not isinstance(start, Solution):
         return cold(problem, start_from(problem, start))
@@ -33,6 +35,29 @@ def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
     moved = jax.tree.map(lambda a, b, c: a + b - c, rough, start.point, start.rough.point)
     near = lifted(problem, problem.imposed(moved))
     return Start(near, start.forces, np.asarray(True))
+
+
+def check_same_scheme(problem: Any, start: Any) -> None:
+    """Raise where an answer or a point is of another scheme than the problem."""
+    own = f'"{problem.scheme}"'
+    if isinstance(start, Solution):
+        what, theirs = "an answer", f'"{start.problem.scheme}"'
+    elif hasattr(start, "coefficients"):
+        what, theirs = "a point", '"spline"'
+    elif isinstance(start, Point):
+        what, theirs = "a point", own if problem.scheme != "spline" else '"slices" or "paper"'
+    else:
+        return
+    if theirs != own:
+        instead = (
+            "coefficients, or no start"
+            if problem.scheme == "spline"
+            else "heights: start=answer.clay.height_at(problem.clay.material)"
+        )
+        raise ValueError(
+            f"start is {what} on scheme {theirs}, but the problem is on scheme {own}: pose both on "
+            f"the same scheme, or give {instead}"
+        )
 
 
 def rounded(problem: Problem, point: Point) -> Point:
@@ -68,11 +93,7 @@ def start_from(problem: Problem, heights: Array) -> Point:
     """The caller's heights as a point that obeys the tool."""
     if not is_transformed(problem, heights):
         heights = np.asarray(heights, np.float64)
-    if np.shape(heights) != np.shape(problem.clay.heights):
-        raise ValueError(
-            f"start must hold one height for each of {problem.slices + 1} nodes: got shape "
-            f"{np.shape(heights)}"
-        )
+    _check_one_each(problem, heights)
     point = problem.imposed(problem.point(heights))
     if not is_transformed(problem, heights):
         if not np.isfinite(heights).all() or (np.diff(heights) <= 0).any():
@@ -86,3 +107,11 @@ def start_from(problem: Problem, heights: Array) -> Point:
                 f"at least {float(problem.material.floor):g} (material.floor) is allowed"
             )
     return point
+
+
+def _check_one_each(problem: Problem, values: Array) -> None:
+    if np.shape(values) != np.shape(problem.clay.heights):
+        raise ValueError(
+            f"start must hold one height for each of {problem.slices + 1} nodes: got shape "
+            f"{np.shape(values)}"
+        )

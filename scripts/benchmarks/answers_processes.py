@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -92,5 +93,5 @@ def _run(command: list[str], empty: str) -> str:
     environment = kept | {"XDG_CACHE_HOME": empty}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+        raise RuntimeError(f"{shlex.join(command)} ended with {done.returncode}:\n{done.stderr}")
     return done.stdout.strip().splitlines()[-1]

@@ -27,6 +27,7 @@ from rich.table import Table
 import jaxclay
 from jaxclay.experiments.compare.scenes import Scene, packaged_scenes
 from jaxclay.methods.lattice import best_on_lattice, label_steps
+from jaxclay.numerics.checks import REFUSALS
 from jaxclay.numerics.host import compiled, in_float64
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
@@ -167,7 +168,7 @@ def main() -> int:
             try:
                 minimum = jaxclay.minimize(scene.problems(units, n)[-1]).raise_for_status()
                 findings.append(search(scene.name, units, minimum))
-            except (ValueError, RuntimeError) as error:
+            except REFUSALS as error:
                 skipped.append(f"skipped {name}: {error}")
             progress.advance(task)
     console.print(as_table(findings), _LEGEND)

@@ -6,7 +6,9 @@ import re
 import signal
 import subprocess
 import sys
+import time
 
+import jax
 import numpy as np
 import pytest
 
@@ -193,6 +195,42 @@ def test_a_bad_line_of_a_file_is_named(tmp_path, capfd):
     assert not out.exists()
 
 
+FAULTS = [
+    jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: out of memory"),
+    RecursionError("maximum recursion depth exceeded"),
+    np.linalg.LinAlgError("Singular matrix"),
+    TypeError("unsupported operand"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: type(fault).__name__)
+def test_a_fault_inside_is_not_told_as_bad_input(tmp_path, capfd, monkeypatch, fault):
+    def broken(*_, **__):
+        raise fault
+
+    monkeypatch.setattr("jaxclay.cli.deform.deform", broken)
+    out = tmp_path / "shape.csv"
+    assert main(["deform", "bowl", "--squash", "0:0.1:0.2", "--out", str(out)]) == 70
+    error = capfd.readouterr().err
+    assert "Traceback" in error
+    assert str(fault) in error
+    assert "error: " + str(fault) not in error.splitlines()[-1]
+    assert not out.exists()
+
+
+def test_what_the_package_itself_refuses_at_run_time_is_bad_input(tmp_path, capfd, monkeypatch):
+    """Here a squash of a session that does not converge; raise_for_status says why."""
+    deform = jaxclay.deform
+
+    def strict(*arguments, **settings):
+        return deform(*arguments, **settings, max_iterations=1).raise_for_status()
+
+    monkeypatch.setattr("jaxclay.cli.deform.deform", strict)
+    out = str(tmp_path / "shape.csv")
+    assert main(["deform", "bowl", "--squash", "0:0.1:0.2", "--method", "adam", "--out", out]) == 2
+    assert "error: adam: iteration limit" in capfd.readouterr().err
+
+
 def test_ctrl_c_ends_with_130_and_no_file(tmp_path):
     """A fresh process, since it is killed while it compiles."""
     out = tmp_path / "shape.csv"
@@ -203,8 +241,8 @@ def test_ctrl_c_ends_with_130_and_no_file(tmp_path):
     process = subprocess.Popen(
         arguments, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
-    assert process.stdout is not None
-    process.stdout.readline()  # the first squash is done
+    while not list((tmp_path / "cache").rglob("*-cache")) and process.poll() is None:
+        time.sleep(0.01)  # until the first program has been compiled; the next follows
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=120)
     assert process.returncode == 130, error

@@ -184,3 +184,14 @@ def test_profile_scene_holds_enough_clay_for_a_coarse_grid():
     scene = profile_scene("amphora", "amphora", "middle")
     problem = scene.problems("snake", 40)[-1]
     assert problem.rest.held(problem.band).sum() >= 2
+
+
+def test_a_fault_inside_is_no_reason_to_skip_a_scene(tmp_path, monkeypatch, capfd):
+    def broken(*_):
+        raise RecursionError("maximum recursion depth exceeded")
+
+    monkeypatch.setattr("jaxclay.experiments.compare.scenes.Scene.problems", broken)
+    out = str(tmp_path / "out")
+    scene = ["--scenes", "reference", "--methods", "newton"]
+    assert main(["compare", "--quick", "--out", out, *scene]) == 70
+    assert "Traceback" in capfd.readouterr().err

@@ -3,6 +3,7 @@
 import os
 import re
 
+import jax
 import numpy as np
 import pytest
 
@@ -55,6 +56,17 @@ def test_columns_are_documented_and_curves_are_the_answers_contours(whole, exper
     np.testing.assert_allclose(here.contour_radius, clay.radii, rtol=1e-12)
     middle = (clay.heights[1:] + clay.heights[:-1]) / 2
     np.testing.assert_allclose(here.contour_height, middle, rtol=1e-12)
+
+
+def test_a_fault_inside_is_no_reason_to_skip_a_task(tmp_path, experiment, monkeypatch, capfd):
+    def broken(*_):
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED")
+
+    monkeypatch.setattr("jaxclay.experiments.sweep.solving.posed", broken)
+    out = tmp_path / "out"
+    assert main(["sweep", str(experiment), "--out", str(out), "--quiet"]) == 70
+    assert "Traceback" in capfd.readouterr().err
+    assert not list((out / "results").iterdir())
 
 
 def test_what_cannot_be_posed_is_skipped_and_says_why(tmp_path, experiment):

@@ -50,3 +50,42 @@ def test_nothing_is_compiled_after_the_first_call_on_as_many_slices():
 def test_an_answer_on_other_slices_is_refused():
     with pytest.raises(ValueError, match="answer on 64 slices, but this clay has 65"):
         minimize(cylinder_problem(slices=65), start=minimize(cylinder_problem()))
+
+
+SCHEMES = {"paper": {"slices": 24}, "slices": {"slices": 24}, "spline": {"elements": 4}}
+
+
+@pytest.mark.parametrize("given", SCHEMES)
+@pytest.mark.parametrize("wanted", SCHEMES)
+def test_a_start_on_another_scheme_is_refused_with_both_names(wanted, given):
+    material = jaxclay.Material(mu=0.5)
+    problem, other = (
+        jaxclay.pose(jaxclay.Clay.cylinder(slices=24), MIDDLE, material, scheme, **SCHEMES[scheme])
+        for scheme in (wanted, given)
+    )
+    answer = minimize(other)
+    if wanted == given:
+        for start in (answer, answer.point):
+            assert minimize(problem, start=start).energy == pytest.approx(answer.energy, rel=1e-9)
+        return
+    with pytest.raises(ValueError, match=f'scheme "{given}", .* on scheme "{wanted}": pose both'):
+        minimize(problem, start=answer)
+    if "spline" in (wanted, given):
+        with pytest.raises(ValueError, match=f'{given}.*on scheme "{wanted}": pose both'):
+            minimize(problem, start=answer.point)
+    if wanted != "spline":  # what the message says to do
+        heights = answer.clay.height_at(problem.clay.material)
+        expected = minimize(problem).energy
+        assert minimize(problem, start=heights).energy == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_point_on_other_slices_is_refused():
+    point = minimize(cylinder_problem()).point
+    with pytest.raises(ValueError, match="each of 66 nodes: got shape"):
+        minimize(cylinder_problem(slices=65), start=point)
+
+
+def test_a_batch_refuses_splines_by_name():
+    spline = jaxclay.pose(CLAY, MIDDLE, SNAKE, "spline", elements=4)
+    with pytest.raises(ValueError, match=r'problems\[1\] is on scheme "spline".*minimize'):
+        jaxclay.minimize_batch([cylinder_problem(), spline])

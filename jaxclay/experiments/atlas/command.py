@@ -6,13 +6,13 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from jaxclay.experiments.compare.command import (  # first: it says which extra is missing
+from jaxclay.experiments.compare.command import (
     fit,
+    plain_console,
     progress_bar,
-)
+)  # first: it says which extra is missing
 
 # isort: split
-from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from jaxclay.experiments.atlas import report
@@ -55,13 +55,13 @@ def atlas(
             _run(QUICK if quick else Grids(), methods or list(METHODS), seconds, rows, interrupt)
     except KeyboardInterrupt:
         interrupted = True
-    console = Console()
+    console = plain_console()
     if not rows:
         console.print("nothing was tried; nothing is written")
         return 130 if interrupted else 1
     table = results.frame(rows)
-    report.print_table(table, console)
     written = report.write(table, seconds, out)
+    report.print_table(table, console)
     if interrupted:
         console.print("interrupted: what had been tried is written")
     console.print(f"wrote {len(written)} files to {out}, among them report.html", soft_wrap=True)

@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from jaxclay.experiments.compare import accuracy, results
 from jaxclay.experiments.compare.accuracy_tables import reach, summary
-from jaxclay.experiments.compare.command import fit, progress_bar
+from jaxclay.experiments.compare.command import fit, plain_console, progress_bar
+from jaxclay.files.output import patient_output
 
 LEVELS = (1e-3, 1e-4, 1e-5)
 
@@ -29,8 +30,9 @@ def main(arguments: list[str] | None = None) -> int:
     else:
         table = measured(effort, asked.seed)
         results.save(table, asked.out)
-    print_table(table, Console(width=None if Console().is_terminal else 150))
     write_chart(table, asked.out / "speed-and-accuracy.png")
+    with patient_output():
+        print_table(table, plain_console(width=None if Console().is_terminal else 150))
     return 0
 
 

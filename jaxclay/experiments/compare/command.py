@@ -8,11 +8,10 @@ from pathlib import Path
 
 try:
     import pyarrow  # noqa: F401  # pandas asks for it when everything has been measured
-    from rich.console import Console
     from threadpoolctl import threadpool_limits
 
     from jaxclay.experiments.compare import report, results
-    from jaxclay.experiments.compare.progress import fit, progress_bar
+    from jaxclay.experiments.compare.progress import fit, plain_console, progress_bar
 except ImportError as error:
     raise ImportError(
         f"jaxclay compare needs {error.name}: pip install 'jaxclay[compare]'", name=error.name
@@ -69,15 +68,15 @@ def compare(
             _run(plan, rows, overlays, interrupt)
     except KeyboardInterrupt:
         interrupted = True
-    console = Console()
+    console = plain_console()
     if not any(row["status"] != "skipped" for row in rows):
         console.print("nothing was measured; nothing is written")
         return 130 if interrupted else 1
     table = results.frame(rows)
+    written = [results.save(table, out), *report.write(table, overlays, out)]
     results.print_table(table, console)
     for line in results.skipped(table):
         console.print(f"skipped {line}", highlight=False, soft_wrap=True)
-    written = [results.save(table, out), *report.write(table, overlays, out)]
     if interrupted:
         console.print("interrupted: what had been measured is written")
     console.print(f"wrote {len(written)} files to {out}, among them report.html", soft_wrap=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -29,6 +31,11 @@ def progress_bar() -> Progress:
     )
     console = Console(stderr=True)
     return Progress(*columns, console=console, speed_estimate_period=_RATE_OVER)
+
+
+def plain_console(**options: Any) -> Console:
+    """Standard output that prints names and commands as they are: brackets are no markup."""
+    return Console(markup=False, emoji=False, **options)
 
 
 def fit(text: str) -> str:

@@ -20,6 +20,7 @@ from jaxclay.experiments.compare.clock import Clock
 from jaxclay.experiments.compare.peers import PEERS, refusal
 from jaxclay.experiments.compare.plan import Job, Plan
 from jaxclay.experiments.compare.rows import Row, distance, judged, slack, start_energy
+from jaxclay.numerics.checks import REFUSALS
 from jaxclay.solve.minimize import minimize
 from jaxclay.solve.solution import Solution
 
@@ -68,7 +69,7 @@ def _run_job(plan, job, clock, finest, tick):
     clock.warm_up(plan.contestants, n)
     try:
         problem = scene.problems(units, n)[-1]
-    except (ValueError, RuntimeError) as error:
+    except REFUSALS as error:
         for method in plan.contestants:
             yield _skipped(job, method, str(error)), None
         return
@@ -114,7 +115,7 @@ def _finest(plan: Plan, job: Job, known: dict) -> Clay | None:
         try:
             answer = minimize(job.scene.problems(job.units, plan.finest)[-1])
             known[key] = answer.clay if answer.certificate.accepted else None
-        except (ValueError, RuntimeError):
+        except REFUSALS:
             known[key] = None
     return known[key]
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich.console import Console
 
+from jaxclay.experiments.compare.progress import plain_console
 from jaxclay.experiments.compare.results import number, records, select
 from jaxclay.experiments.sweep.engine import run_tasks
 from jaxclay.experiments.sweep.experiment import experiment_path, read_experiment
@@ -82,7 +82,7 @@ def agree(
     todo = [t for t in everything if t.recipe.units == "snake" and only in (None, t.key)]
     if only is not None and not todo:
         raise ValueError(f"no task in snake units with the key {only!r} in {experiment}")
-    console = Console(soft_wrap=True, highlight=False)
+    console = plain_console(soft_wrap=True, highlight=False)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
         keep_experiment(folder, experiment_path(experiment))

@@ -23,6 +23,7 @@ import jax
 from jaxclay.experiments.compare.rows import Row
 from jaxclay.experiments.sweep.solving import solve
 from jaxclay.experiments.sweep.tasks import Task, identity
+from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
@@ -70,7 +71,7 @@ def processes(batches: Batches, workers: int | None = None) -> Iterator[list[Row
                 batches, count, lambda batch: pool.submit(solve_in_worker, batch, identity())
             )
     except BrokenProcessPool:
-        raise RuntimeError(
+        raise Hindrance(
             "a worker process died: is there memory enough, and does a script guard what it runs "
             "by if __name__ == '__main__'? What had ended is kept"
         ) from None
@@ -156,7 +157,7 @@ def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:
         This process is another version, or computes on another kind of device.
     """
     if (here := identity()) != wanted:
-        raise RuntimeError(f"a worker has {here}, but {wanted} is wanted: start workers with that")
+        raise Hindrance(f"a worker has {here}, but {wanted} is wanted: start workers with that")
     found = solve(batch)
     let_go()
     return found

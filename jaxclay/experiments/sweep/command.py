@@ -9,8 +9,8 @@ from pathlib import Path
 
 try:
     import pyarrow  # noqa: F401
-    from rich.console import Console
 
+    from jaxclay.experiments.compare.progress import plain_console
     from jaxclay.experiments.sweep import engine
     from jaxclay.experiments.sweep.experiment import experiment_path, read_experiment
     from jaxclay.experiments.sweep.store import keep_experiment
@@ -44,7 +44,7 @@ def sweep(
     begin = time.perf_counter()
     # Here and in what this starts, and before JAX starts: problems are small, see one_thread.
     os.environ.setdefault("NPROC", "1")
-    console = Console(soft_wrap=True, highlight=False)
+    console = plain_console(soft_wrap=True, highlight=False)
     whole = read_experiment(experiment, profiles)
     folder = Path("out") / Path(experiment).stem if out is None else Path(out)
     engine.check_backend(whole, backend, scheduler)
@@ -74,7 +74,8 @@ def sweep(
         console.print(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
         return _MISSING
     took = in_words(time.perf_counter() - begin)
-    console.print(f"all {total} tasks are in {folder} ({took}); jaxclay report {folder}")
+    drawn = shlex.join(["jaxclay", "report", str(folder)])
+    console.print(f"all {total} tasks are in {folder} ({took}); {drawn}")
     return 0
 
 

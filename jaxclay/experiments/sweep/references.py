@@ -10,6 +10,7 @@ from jaxclay.experiments.sweep.batched import minimized
 from jaxclay.experiments.sweep.recipe import Recipe
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
+from jaxclay.numerics.checks import REFUSALS
 from jaxclay.schemes.posing import pose
 from jaxclay.schemes.problem import Problem
 from jaxclay.solve.minimize import deform, minimize
@@ -31,7 +32,7 @@ def posed(recipe: Recipe, slices: int, scheme: str = "paper") -> Problem:
 
     Raises
     ------
-    ValueError, RuntimeError
+    ValueError, Hindrance
         Why the scene cannot be posed, or an earlier squash not be solved, on this grid.
     """
     return recipe.scene().problems(recipe.units, slices, scheme)[-1]
@@ -63,7 +64,7 @@ def _last(recipe: Recipe, slices: int) -> tuple[Clay, Squash, Material]:
 
     Raises
     ------
-    ValueError, RuntimeError
+    ValueError, Hindrance
         Why an earlier squash could not be solved.
     """
     scene = recipe.scene()
@@ -98,6 +99,6 @@ def continuum(recipe: Recipe, slices: int) -> Clay | None:
     """What stands for the continuum's minimum: newton's on placed slices; None if not certified."""
     try:
         answer = deform(*_last(recipe, slices))
-    except (ValueError, RuntimeError):
+    except REFUSALS:
         return None
     return answer.clay if bool(answer.certificate.accepted) else None

@@ -24,6 +24,7 @@ from jaxclay.experiments.sweep.references import (
 from jaxclay.experiments.sweep.tasks import Task
 from jaxclay.experiments.sweep.timing import Times, timed_slices, timed_spans
 from jaxclay.experiments.sweep.where import where
+from jaxclay.numerics.checks import REFUSALS
 from jaxclay.solve.batch import deform_batch
 from jaxclay.solve.minimize import minimize
 from jaxclay.solve.solution import Solution
@@ -55,7 +56,7 @@ def _slices(batch: list[Task]) -> list[Row]:
     for i, task in enumerate(batch):
         try:
             problems[i] = posed(task.recipe, task.slices, task.scheme)
-        except (ValueError, RuntimeError) as error:
+        except REFUSALS as error:
             results[i] = _skipped(error)
     method = batch[0].method
     begin = time.perf_counter()
@@ -78,7 +79,7 @@ def _to_tolerance(batch: list[Task]) -> list[Row]:
     for i, task in enumerate(batch):
         try:
             scenes[i] = whole(task.recipe)
-        except (ValueError, RuntimeError) as error:
+        except REFUSALS as error:
             results[i] = _skipped(error)
     begin = time.perf_counter()
     answers = deform_batch(scenes.values(), tolerance=batch[0].tolerance)
@@ -94,7 +95,7 @@ def _spans(task: Task) -> Row:
     """Splines, each a call of its own."""
     try:
         problem = on_spans(task.recipe, task.elements)
-    except (ValueError, RuntimeError) as error:
+    except REFUSALS as error:
         return _skipped(error)
     begin = time.perf_counter()
     answer = minimize(problem, task.method)
@@ -110,7 +111,7 @@ def _timed(task: Task) -> Row:
             return _of_spans(task, *timed_spans(task, problem))
         (minimum,) = certified_minima([(task.recipe, task.slices, task.scheme)], task.method)
         answer, times = timed_slices(task, posed(task.recipe, task.slices, task.scheme))
-    except (ValueError, RuntimeError) as error:
+    except REFUSALS as error:
         return _skipped(error)
     return _judged(task, answer, minimum, referee(task.method), times)
 

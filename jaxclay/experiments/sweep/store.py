@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import shlex
 import time
 import warnings
 from collections.abc import Iterable
@@ -141,5 +142,6 @@ def parts(folder: Path) -> list[Path]:
     """
     found = sorted((Path(folder) / _FOLDER).glob(_PATTERN))
     if not found:
-        raise ValueError(f"no results in {folder}: make some with jaxclay sweep --out {folder}")
+        made = f"jaxclay sweep EXPERIMENT --out {shlex.quote(str(folder))}"
+        raise ValueError(f"no results in {folder}: make some with {made}")
     return found

@@ -18,6 +18,7 @@ from jaxclay.experiments.compare.clock import Clock
 from jaxclay.experiments.compare.solves import on_device, spans
 from jaxclay.experiments.sweep.tasks import Task
 from jaxclay.methods.choice import spline_settings
+from jaxclay.numerics.checks import Hindrance
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_shape
 from jaxclay.schemes.spline.problem import SplineProblem
@@ -109,7 +110,7 @@ def alone() -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise RuntimeError(
+            raise Hindrance(
                 "another timing run is under way on this machine, and two at once spoil each "
                 "other's times: wait for it to end"
             ) from None

@@ -99,6 +99,7 @@ class SplineProblem:
         """(N,) coefficients that the minimiser moves."""
         return ~self.fixed
 
+    scheme = "spline"
     unknown_name = "coefficients"
 
     @property
