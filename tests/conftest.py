@@ -24,7 +24,7 @@ def own_lock(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         with contextlib.suppress(ImportError):
             patch.setattr(
-                "jaxclay.experiments.sweep.timing._LOCKS", tmp_path_factory.mktemp("locks")
+                "jaxclay.experiments.sweep.timing.LOCKS", tmp_path_factory.mktemp("locks")
             )
         yield
 

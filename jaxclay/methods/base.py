@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.checks import as_number
-from jaxclay.schemes.base import AnyPoint, AnyProblem, Forces
+from jaxclay.schemes.base import AnyPoint, Forces
 
 
 class State(NamedTuple):
@@ -56,10 +56,10 @@ class Method(NamedTuple):
     """
 
     settings: type
-    init: Callable[[AnyProblem, AnyPoint, Any], State]
-    step: Callable[[AnyProblem, State, Any], State]
+    init: Callable[[Any, Any, Any], State]
+    step: Callable[[Any, State, Any], State]
     summary: str
-    resume: Callable[[AnyProblem, AnyPoint, Forces, Array, Any], State] | None = None
+    resume: Callable[[Any, Any, Forces, Array, Any], State] | None = None
     splines: bool = False
     folded: bool = False
 

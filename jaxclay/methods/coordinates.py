@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 
-from jaxclay.methods.springs import Springs
+from jaxclay.methods.penalties import Penalties
 from jaxclay.methods.stages import Stage
 from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array
@@ -19,7 +19,7 @@ from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.system import Linear
 
 _POWERS = 20
-AnyStage = Any  # Stage or Springs
+AnyStage = Any  # Stage or Penalties
 
 
 class Bounds(Protocol):
@@ -76,7 +76,7 @@ class Coordinates(NamedTuple):
         return lambda x: stage.energy(problem, self.point(problem, stage, x))
 
 
-Chart = Callable[[AnyProblem, AnyStage], Coordinates]
+Chart = Callable[[Any, AnyStage], Coordinates]
 
 
 def heights(problem: Problem, stage: Stage) -> Coordinates:
@@ -102,23 +102,23 @@ def preconditioned(problem: Problem, stage: Stage) -> Coordinates:
     return Coordinates(jnp.zeros_like(limit), inverse.T, jnp.ones(()))
 
 
-def coefficients(problem: SplineProblem, _stage: Springs) -> Coordinates:
+def coefficients(problem: SplineProblem, _stage: Penalties) -> Coordinates:
     """A spline's coefficients as they are."""
     count = problem.shift.shape[0]
     return Coordinates(jnp.zeros_like(problem.shift), jnp.ones(()), problem.material.k / count)
 
 
-def preconditioned_splines(problem: SplineProblem, stage: Springs) -> Coordinates:
-    """The factor of the Hessian's inverse where the stage starts, springs included.
+def preconditioned_splines(problem: SplineProblem, stage: Penalties) -> Coordinates:
+    """The factor of the Hessian's inverse where the stage starts, penalties included.
 
     Of Gauss and Newton's if it is not definite.  A column of the inverse is what a
     unit force on a coefficient does.
     """
-    point, springs = stage.base, stage.curvatures(problem)
+    point, penalties = stage.base, stage.curvatures(problem)
     matrix = problem.smooth_model(point).bands
-    definite = problem.stiffness(point, matrix, *springs).positive
-    stiff = problem.stiffness(point, matrix, *springs, gauss=~definite)
-    inverse = jax.vmap(partial(problem.relaxed, stiff))(jnp.eye(problem.shift.shape[0]))
+    definite = problem.stiffness(point, matrix, *penalties).positive
+    stiff = problem.stiffness(point, matrix, *penalties, gauss=~definite)
+    inverse = jax.vmap(partial(problem.solved, stiff))(jnp.eye(problem.shift.shape[0]))
     factor = jnp.linalg.cholesky(inverse, symmetrize_input=True)
     return Coordinates(jnp.zeros_like(problem.shift), factor, jnp.ones(()))
 

@@ -93,7 +93,7 @@ def step(problem: Problem, state: State, settings: LatticeSettings) -> State:
     point, spacing = state.point, state.memory
     move, _ = best_on_lattice(problem, point, label_steps(problem, point, spacing, settings.labels))
     moved = point.moved(move)
-    moved = problem.sent_home(moved, moved.shift == 0)
+    moved = problem.put_to_rest(moved, moved.shift == 0)
     here, there = problem.terms(point).total, problem.terms(moved).total
     falls = there < here - _ROUNDING * jnp.abs(here)
     spacing = jnp.where(falls, spacing, spacing / 2)

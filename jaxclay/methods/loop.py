@@ -50,7 +50,7 @@ def cold(problem: AnyProblem, point: AnyPoint) -> Start:
 def solve(
     problem: AnyProblem, start: Start, settings: Any, feasible: Array, *, method: str
 ) -> Outcome:
-    """:func:`run`, without the judge: one compiled call."""
+    """:func:`run`, without the certificate: one compiled call."""
     return run(problem, start, settings, feasible, method)
 
 
@@ -61,12 +61,12 @@ def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, metho
     is not finite.
     """
     chosen = METHODS[method]
-    if chosen.folded and hasattr(problem, "system"):
-        problem = problem.system
+    # Splines have no such system: they answer for themselves.
+    posed: Any = getattr(problem, "system", problem) if chosen.folded else problem
 
     def body(carry):
         state, _ = carry
-        new = chosen.step(problem, state, settings)
+        new = chosen.step(posed, state, settings)
         finite = _finite(new.point)
         return jax.tree.map(lambda a, b: jnp.where(finite, a, b), new, state), finite
 
@@ -75,9 +75,9 @@ def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, metho
         return finite & ~state.finished & (state.iterations < settings.max_iterations)
 
     if chosen.resume is None:
-        state = chosen.init(problem, start.point, settings)
+        state = chosen.init(posed, start.point, settings)
     else:
-        state = chosen.resume(problem, *start, settings)
+        state = chosen.resume(posed, *start, settings)
     first = (state, feasible & _finite(state.point))
     state, finite = jax.lax.while_loop(go_on, body, first)
     return Outcome(state.point, state.forces, state.iterations, state.finished, finite)

@@ -22,12 +22,12 @@ import numpy as np
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_concrete, pytree
-from jaxclay.schemes.base import SMALL, AnyPoint, AnyProblem, Forces, Pull, no_forces
+from jaxclay.schemes.base import SMALL, AnyPoint, Forces, Newtonian, Pull, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
 _WARM_GAIN = 1e-6  # what there is to gain from a minimum close by, over E_free
-_HOME = 1e-13  # displacement over the unit l within which clay is put back to rest
+_RESTS = 1e-13  # displacement over the unit l within which clay is put back to rest
 _SETTLED = 1e-2  # of the tolerance: where the last nodes begin to move, gains mislead
 _ROUNDING = 1e-17  # first shift of a matrix that is not positive definite, over its largest entry
 _EAGER = 1e-3  # barrier weight over promised gain
@@ -78,13 +78,13 @@ class Memory(NamedTuple):
     failures: Array
 
 
-def init(problem: AnyProblem, start: AnyPoint, settings: NewtonSettings) -> State:
+def init(problem: Newtonian, start: AnyPoint, settings: NewtonSettings) -> State:
     """Start off the floor, with multipliers that fit the smoothing."""
     return resume(problem, start, no_forces(problem), np.asarray(False), settings)
 
 
 def resume(
-    problem: AnyProblem, start: AnyPoint, forces: Forces, near: Array, settings: NewtonSettings
+    problem: Newtonian, start: AnyPoint, forces: Forces, near: Array, settings: NewtonSettings
 ) -> State:
     """The same; where the start is a minimum close by, with the multipliers there."""
     xp = namespace(problem.friction_limit, start.shift, forces.friction, near)
@@ -101,7 +101,7 @@ def resume(
     return State(point, Forces(lam, pushes), nothing, xp.max(problem.free) == 0, memory)
 
 
-def step(problem: AnyProblem, state: State, settings: NewtonSettings) -> State:
+def step(problem: Newtonian, state: State, settings: NewtonSettings) -> State:
     """One factorisation, and one step on the smoothed energy if it is positive definite.
 
     eps shrinks whenever the smoothed energy's minimum is near.
@@ -112,7 +112,7 @@ def step(problem: AnyProblem, state: State, settings: NewtonSettings) -> State:
     return taken(problem, state, model, pull, answer, positive, settings)
 
 
-def asked(problem: AnyProblem, state: State, model: Any) -> Pull:
+def asked(problem: Newtonian, state: State, model: Any) -> Pull:
     """The smoothed energy's model at the state, its Hessian's own part left out."""
     point, (lam, z), memory = state.point, state.forces, state.memory
     limit, d = problem.friction_limit, point.shift
@@ -129,7 +129,7 @@ def asked(problem: AnyProblem, state: State, model: Any) -> Pull:
 
 
 def taken(
-    problem: AnyProblem, state: State, model: Any, pull: Pull, answer: Array, positive: Array,
+    problem: Newtonian, state: State, model: Any, pull: Pull, answer: Array, positive: Array,
     settings: NewtonSettings,
 ) -> State:  # fmt: skip
     """The state after the step H^-1 force, ``answer``."""
@@ -158,7 +158,7 @@ def taken(
     eps = jnp.where(near, jnp.maximum(smaller, settings.smoothing), eps)
     gain = jnp.where(positive, jnp.maximum(gain, 0.0), memory.gain)
     memory = Memory(eps, gain, jnp.where(positive & ~lost, 0.0, memory.failures + 1))
-    point = problem.sent_home(moved, finished & (jnp.abs(moved.shift) <= _HOME))
+    point = problem.put_to_rest(moved, finished & (jnp.abs(moved.shift) <= _RESTS))
     return State(point, Forces(lam, z), state.iterations + 1, finished, memory)
 
 
@@ -185,7 +185,7 @@ def _line_search(problem, point, value, delta, gain, eps, weight, wanted) -> Arr
     return jnp.where(fails | (tries == 0), 0.0, length)
 
 
-def _longest(problem: AnyProblem, point: AnyPoint, delta: Array) -> Array:
+def _longest(problem: Newtonian, point: AnyPoint, delta: Array) -> Array:
     """Largest step up to 1 that stays well above the floor."""
     shrinks = jnp.max(-problem.thickness_change(delta) / problem.slack(point))
     return _TO_BOUNDARY / jnp.maximum(shrinks, _TO_BOUNDARY)
@@ -198,7 +198,7 @@ def _floor_step(problem, point, z, delta, weight) -> Array:
     return z + change * (_TO_BOUNDARY / jnp.maximum(jnp.max(-change / z), _TO_BOUNDARY))
 
 
-def _barrier(problem: AnyProblem, energy: Array, memory: Memory) -> Array:
+def _barrier(problem: Newtonian, energy: Array, memory: Memory) -> Array:
     """Weight of the floor's logarithms: high while much is to be gained, and falling with eps.
 
     Its least value keeps the slack above rounding and is no matter to the certificate.
@@ -209,7 +209,7 @@ def _barrier(problem: AnyProblem, energy: Array, memory: Memory) -> Array:
     return (least + smoothing + _EAGER * memory.gain) / problem.floor.shape[0]
 
 
-def _interior(problem: AnyProblem, start: AnyPoint) -> AnyPoint:
+def _interior(problem: Newtonian, start: AnyPoint) -> AnyPoint:
     """The start, drawn off the floor if it touches."""
     xp = namespace(problem.friction_limit, start.shift)
     touches = xp.min(problem.slack(start) / problem.rest_thickness) < 1e-3

@@ -1,7 +1,7 @@
 """Methods around a minimiser of smooth functions: stages, coordinates and stopping.
 
 A minimiser knows one iteration.  Around it each stage of
-:mod:`jaxclay.methods.stages`, or on splines of :mod:`jaxclay.methods.springs`, is
+:mod:`jaxclay.methods.stages`, or on splines of :mod:`jaxclay.methods.penalties`, is
 minimised in coordinates of its own (:mod:`jaxclay.methods.coordinates`); what lies
 below the floor is lifted onto it.
 """
@@ -17,7 +17,7 @@ import jax.numpy as jnp
 
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.methods.coordinates import AnyStage, Bounds, Chart, Coordinates
-from jaxclay.methods.springs import Springs, first_springs, next_springs
+from jaxclay.methods.penalties import Penalties, first_penalties, next_penalties
 from jaxclay.methods.stages import first_stage, next_stage
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import is_concrete, pytree
@@ -99,7 +99,7 @@ def method(
     """
 
     def begun(problem: AnyProblem, stage: AnyStage, settings: Any) -> _Memory:
-        chosen = on_splines if on_splines and isinstance(stage, Springs) else coordinates
+        chosen = on_splines if on_splines and isinstance(stage, Penalties) else coordinates
         chart = chosen(problem, stage)
         inner = descent.init(_task(problem, stage, chart, settings), chart.start)
         return _Memory(stage, chart, chart.start, inner)
@@ -137,13 +137,13 @@ def method(
 
 def _first(problem: AnyProblem, start: AnyPoint, ladder: tuple[float, ...]) -> AnyStage:
     if isinstance(problem, SplineProblem):
-        return first_springs(problem, start)
+        return first_penalties(problem, start)
     return first_stage(start, ladder)
 
 
-def _next(problem: AnyProblem, point: AnyPoint, stage: AnyStage) -> tuple[AnyStage, Array]:
-    if isinstance(stage, Springs):
-        return next_springs(problem, point, stage)
+def _next(problem: Any, point: AnyPoint, stage: AnyStage) -> tuple[AnyStage, Array]:
+    if isinstance(stage, Penalties):
+        return next_penalties(problem, point, stage)
     return next_stage(problem, point, stage)
 
 

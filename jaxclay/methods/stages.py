@@ -120,5 +120,5 @@ def next_stage(problem: Problem, point: Point, stage: Stage) -> tuple[Stage, Arr
     pinned = pinned & problem.free & (number >= rungs)
     agrees = (number > rungs) & jnp.all(pinned == stage.pinned)
     signs = jnp.where(pinned, 0.0, jnp.where(d == 0, -jnp.sign(g), jnp.sign(d)))
-    base = problem.sent_home(point, pinned)
+    base = problem.put_to_rest(point, pinned)
     return stage._replace(base=base, number=number, signs=signs, pinned=pinned), agrees

@@ -173,8 +173,8 @@ def _step(fun, state: State, half_bandwidth: int, tolerance) -> State:
     code = jnp.where(lost, int(BandedStatus.UNBOUNDED), code)
     code, usable = _refused(fun, x, model, code)
 
-    judged = jnp.where(bent, int(BandedStatus.STALLED), int(BandedStatus.CONVERGED))
-    verdict = jnp.where(asks, judged, jnp.where(lowering, state.verdict, _GOING))
+    certified = jnp.where(bent, int(BandedStatus.STALLED), int(BandedStatus.CONVERGED))
+    verdict = jnp.where(asks, certified, jnp.where(lowering, state.verdict, _GOING))
     following = jnp.where(fails, _grown(shift), jnp.where(looking, 0.0, _fallen(shift)))
     return State(
         x=jnp.where(usable, moved, x),

@@ -22,8 +22,8 @@ from jax._src.core import trace_state_clean  # JAX has no public way to ask, but
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 
-_MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have
-_LOOK_AFTER = 16  # compilations, of some hundred mappings each
+MOST_MAPPINGS = 20_000  # of the 65,530 that Linux lets a process have
+LOOK_AFTER = 16  # compilations, of some hundred mappings each
 
 
 def pytree(cls: type[T]) -> type[T]:
@@ -192,12 +192,12 @@ def check_float64(name: str) -> None:
         )
 
 
-_compilations: list[float] = []  # seconds of each since mappings were last counted
+recent_compilations: list[float] = []  # seconds of each since mappings were last counted
 
 
 def _count(event: str, duration_secs: float, **_: Any) -> None:
     if event == "/jax/core/compile/backend_compile_duration":
-        _compilations.append(duration_secs)
+        recent_compilations.append(duration_secs)
 
 
 jax.monitoring.register_event_duration_secs_listener(_count)
@@ -210,9 +210,9 @@ def let_go() -> None:
     For every call from the host.  Mappings are counted, which takes milliseconds, only after some
     compilations, and never inside a trace, which needs what has been compiled.
     """
-    if len(_compilations) < _LOOK_AFTER or not _outside():
+    if len(recent_compilations) < LOOK_AFTER or not _outside():
         return
-    _compilations.clear()
+    recent_compilations.clear()
     maps = Path("/proc/self/maps")
-    if maps.exists() and len(maps.read_text().splitlines()) > _MOST_MAPPINGS:
+    if maps.exists() and len(maps.read_text().splitlines()) > MOST_MAPPINGS:
         jax.clear_caches()

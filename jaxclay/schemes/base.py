@@ -1,13 +1,18 @@
-"""What a scheme is to the methods and to the judge."""
+"""What a scheme is to the methods and to the certificate: the interface, written.
+
+A problem has m places where clay may rest and s where it may become too thin: on slices the n+1
+nodes and the n slices, on splines Gauss points of friction and of the strain.  Its N unknowns are
+heights, (n+1,) with the fixed ones, or coefficients.  Lengths are over the unit l, energies have no
+unit, forces are energies over lengths.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from jaxclay.numerics.arrays import Array, namespace
 
-AnyProblem = Any  # of either scheme: Problem or SplineProblem
-AnyPoint = Any  # and its point
+AnyPoint = Any  # a shape as a scheme holds it
 
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
@@ -44,7 +49,137 @@ class Pull(NamedTuple):
     weight: Array
 
 
-def no_forces(problem: AnyProblem) -> Forces:
+@runtime_checkable
+class Minimisable(Protocol):
+    """What every method may ask of a problem, or of its :class:`.System`."""
+
+    @property
+    def free(self) -> Array:
+        """(N,) true or 1 where an unknown moves."""
+        ...
+
+    @property
+    def friction_limit(self) -> Array:
+        """(m,) most that friction can hold a place with, force."""
+        ...
+
+    @property
+    def loose(self) -> Array:
+        """(s,) true or 1 where clay may become too thin."""
+        ...
+
+    @property
+    def rest_thickness(self) -> Array:
+        """(s,) thickness before the squash: of slices a length, of points of a spline Y0_u."""
+        ...
+
+    @property
+    def floor(self) -> Array:
+        """(s,) least thickness where ``loose``, 0 elsewhere."""
+        ...
+
+    def slack(self, point: Any, /) -> Array:
+        """(s,) thickness above the floor."""
+        ...
+
+    def moved(self, point: Any, step: Array, /) -> Any:
+        """The point after a step (N,) of the unknowns."""
+        ...
+
+    def evened(self, point: Any, fraction: Array, /) -> Any:
+        """The point moved by a fraction towards clay spread evenly beside the band."""
+        ...
+
+    def put_to_rest(self, point: Any, rests: Array, /) -> Any:
+        """The point with the places that rest, a bool array (m,), exactly where they were."""
+        ...
+
+    def free_smooth(self, point: Any, /) -> Array:
+        """E_free without friction, scalar."""
+        ...
+
+
+@runtime_checkable
+class Newtonian(Minimisable, Protocol):
+    """What Newton asks besides: of :class:`.System` and :class:`.SplineProblem`."""
+
+    @property
+    def k(self) -> Array:
+        """The material's stiffness."""
+        ...
+
+    @property
+    def friction_total(self) -> Array:
+        """Sum of ``friction_limit``, above 0."""
+        ...
+
+    def shift_change(self, step: Array, /) -> Array:
+        """(m,) what a step (N,) adds to displacements."""
+        ...
+
+    def thickness_change(self, step: Array, /) -> Array:
+        """(s,) what a step adds to thicknesses, 0 where not ``loose``."""
+        ...
+
+    def from_shift(self, forces: Array, /) -> Array:
+        """(N,) forces on displacements (m,) as forces on the unknowns."""
+        ...
+
+    def from_thickness(self, forces: Array, /) -> Array:
+        """(N,) forces on thicknesses (s,) likewise."""
+        ...
+
+    def kinks(self, point: Any, eps: Array, weight: Array, /) -> Array:
+        """Friction, smoothed over the length eps, and ``weight`` times minus the log of slacks."""
+        ...
+
+    def smooth_model(self, point: Any, /) -> Any:
+        """Value, gradient (N,) and the Hessian's bands of ``free_smooth``."""
+        ...
+
+    def newton_step(self, point: Any, bands: Any, pull: Pull, /) -> tuple[Array, Array]:
+        """(N,) H^-1 force, and whether H is positive definite where unknowns are free."""
+        ...
+
+
+@runtime_checkable
+class AnyProblem(Minimisable, Protocol):
+    """A posed squash of any scheme: :class:`.Problem` or :class:`.SplineProblem`."""
+
+    @property
+    def material(self) -> Any:
+        """The energy's constants."""
+        ...
+
+    @property
+    def shift(self) -> Array:
+        """(N,) what fixed unknowns are, over their values at rest."""
+        ...
+
+    @property
+    def unknown_name(self) -> str:
+        """What the unknowns are: "heights" or "coefficients"."""
+        ...
+
+    @property
+    def unknown_shape(self) -> tuple[int, ...]:
+        """(N,), the shape of what the energy takes."""
+        ...
+
+    def point(self, unknowns: Array, /) -> Any:
+        """Heights (n+1,), in the clay's length unit, or coefficients (N,) as a point."""
+        ...
+
+    def terms(self, point: Any, /) -> Any:
+        """E_total's four terms."""
+        ...
+
+    def free_terms(self, point: Any, /) -> Any:
+        """The same over what touches a free unknown: their sum is E_free."""
+        ...
+
+
+def no_forces(problem: Minimisable) -> Forces:
     """Zero multipliers."""
     xp = namespace(problem.friction_limit)
     return Forces(xp.zeros_like(problem.friction_limit), xp.zeros_like(problem.floor))

@@ -103,6 +103,11 @@ class Problem:
         return held[1:] & held[:-1]
 
     @property
+    def rest_thickness(self) -> Array:
+        """(n,) thickness before the squash, over the unit l."""
+        return self.rest.thickness
+
+    @property
     def floor(self) -> Array:
         """(n,) least thickness of each loose slice, 0 for the others."""
         return self.loose * (self.material.floor * self.rest.thickness)
@@ -194,7 +199,7 @@ class Problem:
 
     @kept
     def system(self) -> System:
-        """What Newton and the judge see of it."""
+        """What Newton and the certificate see of it."""
         xp = namespace(self.shift, self.band.lower)
         upper = xp.arange(self.slices) >= self.rest.held(self.band).argmax()
         target = self.fixed * self.shift
@@ -204,9 +209,9 @@ class Problem:
         """The point moved by ``fraction`` towards each side of the band spread evenly."""
         return self.system.evened(point, fraction)
 
-    def sent_home(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Point, rests: Array) -> Point:
         """The point with the nodes that rest, a bool array, exactly where they were."""
-        return self.system.sent_home(point, rests)
+        return self.system.put_to_rest(point, rests)
 
     def _free_samples(self, point: Point) -> Samples:
         return sums.sample_free(sums.sample(self.rest, self.sums, point), self.free)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from jaxclay.numerics.host import (
     promoting,
     pytree,
 )
-from jaxclay.schemes.base import AnyProblem
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.edges import with_jumps
 from jaxclay.schemes.sums import Point
@@ -108,7 +108,7 @@ class RoughShape:
 
 
 @promoting
-def rough_shape(problem: AnyProblem, discrete: bool = False) -> RoughShape:
+def rough_shape(problem: Any, discrete: bool = False) -> RoughShape:
     """The rough shape of a posed squash: E_move's minimum (eqs. 6, 12 to 19).
 
     Parameters

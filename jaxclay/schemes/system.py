@@ -1,4 +1,4 @@
-"""What Newton and the judge see of a problem on slices: its sums over the free nodes.
+"""What Newton and the certificate see of a problem on slices: its sums over the free nodes.
 
 With d_i = t_i / h_i and X = r0 d^-1/2 (eq. 22) the smooth energy is
 
@@ -245,7 +245,7 @@ class System(NamedTuple):
         moved = xp.concatenate([xp.zeros(1), xp.cumsum(change)])
         return Point(point.thickness + change, point.shift + self.free * moved)
 
-    def sent_home(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Point, rests: Array) -> Point:
         """The point with the nodes that rest, a bool array, exactly where they were."""
         stays = 1 - self.free * rests
         moved = point.moved(point.shift * (stays - 1))

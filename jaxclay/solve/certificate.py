@@ -1,4 +1,4 @@
-"""The one judge of every answer: how much could the local model still gain?
+"""The optimality check of every answer: how much could the local model still gain?
 
 With g, H the gradient and Hessian of the smooth energy on the free nodes,
 d = Y - Y0, friction forces lam with |lam_i| <= h mu and floor forces z >= 0,
@@ -7,7 +7,7 @@ r = g + lam - D^T z and positive definite H, the local model gains at most
     decrement = 1/2 r^T H^-1 r + sum (h mu |d_i| - lam_i d_i) + sum z_i (t_i - f t0_i)
 
 by weak duality, whatever lam and z are.  So nobody has to say which nodes rest:
-the judge tries the solver's own forces and some read off the point, and keeps
+the certificate tries the solver's own forces and some read off the point, and keeps
 the best.  E_total is not convex; this certifies a local minimum.
 """
 
@@ -30,7 +30,7 @@ from jaxclay.schemes.system import Linear, System
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-_SPRING = 1e4  # over the Hessian's largest entry
+_PENALTY = 1e4  # over the Hessian's largest entry
 _TURNS = 5  # for each pair of forces, of which all but the last read off those of the floor
 _LAST = _TURNS * (2 + len(_AT_REST))
 _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
@@ -39,7 +39,7 @@ _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
 @pytree
 @dataclasses.dataclass(frozen=True)
 class Certificate:
-    """What the judge found.
+    """What was found.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ def accepted_decrement(energy_free: Array) -> Array:
 
 
 def certify(system: System, point: Point, forces: Forces) -> Certificate:
-    """Judge a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
+    """Certify a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
     model = system.smooth_model(point)
     energy = model.value + system.friction_limit @ abs(point.shift)
 
@@ -144,9 +144,9 @@ class Search(NamedTuple):
 
     Tried are the solver's own; its friction with floor forces read off; and for
     each threshold h mu sign(d) beyond it and -g within, with floor forces read off.  Floor forces
-    are those that stiff springs need to hold the slices there (method of multipliers).  Where H
+    are those that stiff penalties need to hold the slices there (method of multipliers).  Where H
     is indefinite nodes that rest with friction to spare are left out, and slices that the floor
-    pushes on, which cannot get thinner, may be held by springs.
+    pushes on, which cannot get thinner, may be held by penalties.
 
     Attributes
     ----------
@@ -208,13 +208,13 @@ def searched(positive: Array, energy_free: Array, *best: Array) -> Search:
 def asked(
     system: System, point: Point, model: Model, own: Forces, search: Search
 ) -> tuple[Linear, Forces]:
-    """What the next turn takes: the residual, a Hessian that may be held by springs; its forces."""
+    """What the next turn takes: the residual, a Hessian that penalties may hold; its forces."""
     forces = search.forces(system, point, model.gradient, own)
     rests = (point.shift == 0) & (abs(model.gradient) < system.friction_limit) & search.dropped
     keep = system.free * (1 - rests)
     r = model.gradient + forces.friction - system.from_thickness(forces.floor)
-    springs = (search.reads | search.held) * _springs(system, point, model)
-    return Linear(springs, 0 * r, keep * r, keep), forces
+    penalties = (search.reads | search.held) * _penalties(system, point, model)
+    return Linear(penalties, 0 * r, keep * r, keep), forces
 
 
 def taken(
@@ -229,7 +229,7 @@ def taken(
     touching, pushing = tight.sum(), pushed.sum()
     left = 0.5 * r * answer + limit * abs(d) - friction * d
     decrement = (left[1:] + floor * system.slack(point)).sum()
-    # Springs may stand in for the floor only where it pushes.
+    # Penalties may stand in for the floor only where it pushes.
     honest = ~search.held | (pushing == touching)
     decrement = jnp.where(honest & ~jnp.isnan(decrement), decrement, jnp.inf)
     shares = jnp.where(limit > 0, limit / system.mu, 1.0)
@@ -242,7 +242,7 @@ def taken(
     holds = ~positive & ~drops & ~search.held & (touching > 0)
     following = search.turn + jnp.where(search.reads | (touching > 0), 1, _TURNS)
     following = jnp.where(positive, following, _LAST)
-    rises = _springs(system, point, model) * system.thickness_change(answer)
+    rises = _penalties(system, point, model) * system.thickness_change(answer)
     return Search(
         turn=jnp.where(drops | holds, search.turn, following),
         floor=jnp.where(positive & search.reads, floor + rises, 0.0),
@@ -254,9 +254,9 @@ def taken(
     )
 
 
-def _springs(system: System, point: Point, model: Model) -> Array:
+def _penalties(system: System, point: Point, model: Model) -> Array:
     """(n,) their strength on the slices at the floor."""
-    return touches_floor(system, point) * (_SPRING * jnp.max(abs(model.bands[0])))
+    return touches_floor(system, point) * (_PENALTY * jnp.max(abs(model.bands[0])))
 
 
 def _admissible(system: System, point: Point) -> Array:

@@ -1,7 +1,7 @@
-"""Newton on slices and the judge of its answer in one loop: the program behind most answers.
+"""Newton on slices and the certificate of its answer in one loop: the program behind most answers.
 
 Each pass takes the local model at a point and solves one banded system, for a step of Newton's
-or, once those have ended, for the judge.  So model and factor are compiled once, and the
+or, once those have ended, for the certificate.  So model and factor are compiled once, and the
 program is as small whatever the number of slices.
 """
 
@@ -22,48 +22,48 @@ from jaxclay.numerics.host import compiled, in_float64
 from jaxclay.schemes.base import Forces
 from jaxclay.schemes.sums import Point
 from jaxclay.schemes.system import System
-from jaxclay.solve import certificate as judge
+from jaxclay.solve import certificate
 from jaxclay.solve.certificate import Certificate, Search
 
 
 class _Carry(NamedTuple):
     state: State
     finite: Array  # whether the last step was
-    judging: Array
+    certifying: Array
     search: Search
 
 
 def certified_newton(
     system: System, first: State, settings: NewtonSettings, feasible: Array
 ) -> tuple[State, Array, Search]:
-    """Where Newton ends, whether all was finite, and what the judge finds there.
+    """Where Newton ends, whether all was finite, and what the certificate finds there.
 
     Without a step where the squash is not ``feasible``.
     """
 
     def body(carry: _Carry) -> _Carry:
-        state, finite, judging, search = carry
+        state, finite, certifying, search = carry
         model = system.smooth_model(state.point)
         pull = newton.asked(system, state, model)
         stepping = system.linear(model.bands, pull)
-        judged, tried = judge.asked(system, state.point, model, state.forces, search)
-        linear = _either(judging, judged, stepping)
+        certified, tried = certificate.asked(system, state.point, model, state.forces, search)
+        linear = _either(certifying, certified, stepping)
         answer, positive = system.solve(model.bands, linear)
-        after = judge.taken(
+        after = certificate.taken(
             system, state.point, model, pull.energy, search, linear, tried, answer, positive
         )
-        new = newton.taken(system, state, model, pull, answer, positive & ~judging, settings)
-        finite = finite & (judging | jnp.isfinite(pull.energy + new.memory.gain))
+        new = newton.taken(system, state, model, pull, answer, positive & ~certifying, settings)
+        finite = finite & (certifying | jnp.isfinite(pull.energy + new.memory.gain))
         finished = state.finished | (new.finished & finite)
-        iterations = state.iterations + jnp.where(judging | ~finite, 0, 1)
+        iterations = state.iterations + jnp.where(certifying | ~finite, 0, 1)
         ends = finished | ~finite | (iterations >= settings.max_iterations)
         new = new._replace(finished=finished, iterations=iterations)
-        return _Carry(new, finite, judging | ends, _either(judging, after, search))
+        return _Carry(new, finite, certifying | ends, _either(certifying, after, search))
 
     def go_on(carry: _Carry) -> Array:
-        return ~(carry.judging & carry.search.over)
+        return ~(carry.certifying & carry.search.over)
 
-    start = _Carry(first, feasible, first.finished | ~feasible, judge.first_search(system))
+    start = _Carry(first, feasible, first.finished | ~feasible, certificate.first_search(system))
     last = jax.lax.while_loop(go_on, body, start)
     return last.state, last.finite | ~feasible, last.search
 
@@ -96,9 +96,9 @@ def unpacked(system: System, answer: Answer) -> tuple[Outcome, Certificate]:
     thickness, floor = answer.slices
     iterations, finished, finite, positive, *found = answer.scalars
     point, forces = Point(thickness, shift), Forces(friction, floor)
-    search = judge.searched(positive > 0, *found)
+    search = certificate.searched(positive > 0, *found)
     outcome = Outcome(point, forces, int(iterations), finished > 0, finite > 0)
-    return outcome, judge.concluded(system, point, search)
+    return outcome, certificate.concluded(system, point, search)
 
 
 def packed(system: System, start: Start, settings: NewtonSettings, feasible: Array) -> Packed:

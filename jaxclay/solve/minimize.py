@@ -218,24 +218,24 @@ def _in_numpy(problem: Problem) -> Problem:
 
 
 def conclude(problem: Problem, rough: RoughShape, outcome: Outcome, method: str) -> Solution:
-    """Judge where a method, or a solver from elsewhere, ended, and say so."""
+    """Certify where a method, or a solver from elsewhere, ended, and say so."""
     problem, outcome = _in_numpy(problem), as_float64(outcome)
     with as_compiled():
-        certificate = in_float64("minimize", _judged, problem.system, outcome, rough.feasible)
+        certificate = in_float64("minimize", _certified, problem.system, outcome, rough.feasible)
         return solution_of(problem, rough.feasible, outcome, certificate, method)
 
 
 def _solve_on_host(problem, start, settings, feasible, method) -> tuple[Outcome, Certificate]:
-    """The method and the judge."""
+    """The method, and the certificate of where it ended."""
     system = problem.system
     if method == "newton":
         return solve_on_host(system, start, settings, feasible)
     outcome = in_float64("minimize", solve, problem, start, settings, feasible, method=method)
-    return outcome, in_float64("minimize", _judged, system, outcome, feasible)
+    return outcome, in_float64("minimize", _certified, system, outcome, feasible)
 
 
 @compiled()
-def _judged(system: System, outcome: Outcome, feasible: Array) -> Certificate:
+def _certified(system: System, outcome: Outcome, feasible: Array) -> Certificate:
     return certify(system, _kept(system, outcome, feasible), outcome.forces)
 
 
@@ -253,7 +253,7 @@ def _traced(problem, start, settings, method) -> Solution:
     begin = jax.lax.stop_gradient(start_of(still, rough_still.point, start, method))
     outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)
     still, last = jax.lax.stop_gradient((problem, outcome))
-    certificate = _judged.traced(still.system, last, rough.feasible)
+    certificate = _certified.traced(still.system, last, rough.feasible)
     solution = solution_of(problem, rough.feasible, outcome, certificate, method)
     return dataclasses.replace(solution, derived=Derived(solution.clay, solution.terms, rough))
 

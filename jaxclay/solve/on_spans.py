@@ -1,4 +1,4 @@
-"""Finding the minimum in a problem's splines, judging it, and the clay that it describes."""
+"""Finding the minimum in a problem's splines, certifying it, and the clay that it describes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from jaxclay.schemes.slices.edges import with_edges
 from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Space, space
-from jaxclay.solve import spline_certificate as judge
+from jaxclay.solve import spline_certificate
 from jaxclay.solve.implicit import solve_implicitly
 from jaxclay.solve.solution import Derived, Solution, Verdict, status_code
 from jaxclay.solve.start import check_same_scheme
@@ -115,10 +115,10 @@ def _from(problem: SplineProblem, coefficients: Array) -> Start:
 
 @compiled("method")
 def answered(problem: SplineProblem, start: Start, settings: Any, *, method: str) -> SplineAnswer:
-    """The method and the judge."""
+    """The method, and the certificate of where it ended."""
     feasible = problem.rough.feasible
     outcome = solve_implicitly(problem, jax.lax.stop_gradient(start), settings, feasible, method)
-    return SplineAnswer(outcome, *_judged(problem, outcome), *_crossing(problem, outcome))
+    return SplineAnswer(outcome, *_certified(problem, outcome), *_crossing(problem, outcome))
 
 
 def _crossing(problem: SplineProblem, outcome: Outcome) -> tuple[Array, Space, Start]:
@@ -138,13 +138,15 @@ def _crossing(problem: SplineProblem, outcome: Outcome) -> tuple[Array, Space, S
     return crosses, broken, Start(point, forces, jnp.asarray(True))
 
 
-def _judged(problem: SplineProblem, outcome: Outcome) -> tuple[Verdict, Array]:
+def _certified(problem: SplineProblem, outcome: Outcome) -> tuple[Verdict, Array]:
     """The shape, its terms, its certificate and the status code; the displacement at its nodes."""
     feasible = problem.rough.feasible
     rest = problem.point(jnp.zeros_like(problem.shift))
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
     terms = problem.terms(point)
-    certificate = judge.certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
+    certificate = spline_certificate.certify(
+        *jax.lax.stop_gradient((problem, point, outcome.forces))
+    )
     clay, shift = shape(problem, point.coefficients)
     finite = outcome.finite & jnp.isfinite(terms.total)
     rises = rising(problem, point.coefficients)

@@ -53,7 +53,7 @@ _NAMES = {status.value: str(status) for status in Status}
 
 
 class Verdict(NamedTuple):
-    """What the judge makes of an outcome; ``clay`` may be its arrays."""
+    """What the certificate makes of an outcome; ``clay`` may be its arrays."""
 
     clay: Any
     point: Any
@@ -121,7 +121,7 @@ class Solution:
     levels : (g,) int array
         Iterations of the solves before it, from which it was placed and started.
     certificate : Certificate
-        The judge's findings; ``certificate.energy_free`` is E_free.
+        What the certificate found; ``certificate.energy_free`` is E_free.
     status_code : int
         See :attr:`status`.
     error_estimate : float or None

@@ -3,7 +3,7 @@
 The bound is the same, r = g + B^T lam - D^T z, with friction's forces lam at its
 points and the floor's z at the Gauss points.  Only the forces of clay at rest
 cannot be read off the gradient point by point: they are the method's own or, for
-methods that know none, those that springs at these points need to hold it.
+methods that know none, those that penalties at these points need to hold it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from jaxclay.schemes.spline.space import Point
 from jaxclay.solve.certificate import STEP, Certificate, accepted_decrement
 
 _AT_REST = (0.0, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5)
-_SPRING, _ROUNDS = 1e6, 6
+_PENALTY, _ROUNDS = 1e6, 6
 _CONSISTENT = 1e-12
 
 
 def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate:
-    """Judge a point; ``forces`` are the method's own multipliers, zeros if it has none."""
+    """Certify a point; ``forces`` are the method's own multipliers, zeros if it has none."""
     model, limit = problem.smooth_model(point), problem.friction_limit
     energy = model.value + jnp.sum(limit * jnp.abs(point.shift))
     gate = accepted_decrement(energy)
@@ -33,15 +33,15 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
     floor = jnp.where(problem.loose, jnp.maximum(forces.floor, 0.0), 0.0)
     thresholds = jnp.asarray((-1.0, -1.0, *_AT_REST))
 
-    def judge(i):
+    def tried(i):
         moves = jnp.abs(point.shift) > thresholds[i]
         lam = jnp.where((i < 2) | ~moves, own, limit * jnp.sign(point.shift))
         z = jnp.where(i == 1, 0.0, floor)
-        held = jnp.where(moves | (i < 2), 0.0, _SPRING * limit)
+        held = jnp.where(moves | (i < 2), 0.0, _PENALTY * limit)
         needs = (i >= 2) & jnp.any(held > 0)
         lam = jax.lax.cond(needs, lambda: _held(problem, point, model, lam, z, held), lambda: lam)
         r = model.gradient + problem.from_shift(lam) - problem.from_thickness(z)
-        newton = problem.relaxed(factor, r)
+        newton = problem.solved(factor, r)
         decrement = r @ newton / 2 + jnp.sum(limit * jnp.abs(point.shift) - lam * point.shift)
         decrement += jnp.sum(z * problem.slack(point))
         step = jnp.max(jnp.abs(problem.shift_change(newton)))
@@ -57,7 +57,7 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
 
     def body(carry):
         i, *best = carry
-        now = judge(i)
+        now = tried(i)
         better = passes(now[0], now[1]) | (now[0] < best[0])
         return i + 1, *(jnp.where(better, a, b) for a, b in zip(now, best, strict=True))
 
@@ -81,33 +81,33 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
 
 
 def _factor(problem: SplineProblem, point: Point, model: Model, lam: Array) -> Factor:
-    """The Hessian's factor; where it is indefinite, with clay at rest held by springs.
+    """The Hessian's factor; where it is indefinite, with clay at rest held by penalties.
 
     Clay that rests with friction to spare does not move whatever the curvature there.
     """
     limit = problem.friction_limit
     rests = (jnp.abs(point.shift) <= _AT_REST[1]) & (jnp.abs(lam) < limit)
 
-    def with_springs(springs):
-        return problem.stiffness(point, model.bands, jnp.zeros_like(problem.floor), springs)
+    def with_penalties(penalties):
+        return problem.stiffness(point, model.bands, jnp.zeros_like(problem.floor), penalties)
 
-    plain = with_springs(jnp.zeros_like(limit))
+    plain = with_penalties(jnp.zeros_like(limit))
     holds = ~plain.positive & jnp.any(rests)
-    springs = jnp.where(rests, _SPRING * limit, 0.0)
-    return jax.lax.cond(holds, lambda: with_springs(springs), lambda: plain)
+    penalties = jnp.where(rests, _PENALTY * limit, 0.0)
+    return jax.lax.cond(holds, lambda: with_penalties(penalties), lambda: plain)
 
 
-def _held(problem: SplineProblem, point: Point, model, lam: Array, z: Array, springs: Array):
-    """Forces within friction's limits at the points with springs that balance the others best.
+def _held(problem: SplineProblem, point: Point, model, lam: Array, z: Array, penalties: Array):
+    """Forces within friction's limits at the points with penalties that balance the others best.
 
-    Method of multipliers: the springs' forces are added up until the points stay.
+    Method of multipliers: the penalties' forces are added up until the points stay.
     """
     limit = problem.friction_limit
-    stiff = problem.stiffness(point, model.bands, jnp.zeros_like(z), springs)
+    stiff = problem.stiffness(point, model.bands, jnp.zeros_like(z), penalties)
 
     def add(_, lam):
         r = model.gradient + problem.from_shift(lam) - problem.from_thickness(z)
-        change = springs * problem.shift_change(-problem.relaxed(stiff, r))
+        change = penalties * problem.shift_change(-problem.solved(stiff, r))
         return jnp.clip(lam + change, -limit, limit)
 
     return jax.lax.fori_loop(0, _ROUNDS, add, lam)

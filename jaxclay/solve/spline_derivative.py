@@ -1,7 +1,7 @@
 """How a minimum changes with the problem: the implicit function theorem for splines.
 
 Where clay moves friction's force stays; where it rests it goes on resting, and Gauss
-points on the floor stay on it: springs see to both.
+points on the floor stay on it: penalties see to both.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from jaxclay.schemes.spline.space import Point
 
 _AT_REST = 1e-12  # over the unit l
 _ON_FLOOR = 1e-9  # slack over Y0_u
-_SPRING = 1e6  # over k
+_PENALTY = 1e6  # over k
 
 
 def of_splines(problem: SplineProblem, change: SplineProblem, outcome: Outcome) -> Point:
@@ -25,9 +25,9 @@ def of_splines(problem: SplineProblem, change: SplineProblem, outcome: Outcome) 
     rests = jnp.abs(point.shift) <= _AT_REST
     limit, loose = problem.friction_limit, problem.loose
     tight = loose & (problem.slack(point) <= _ON_FLOOR * problem.rest_thickness)
-    stiff = _SPRING * problem.material.k
+    stiff = _PENALTY * problem.material.k
     hold = jnp.where(tight, stiff * problem.space.weight, 0.0)
-    springs = jnp.where(rests & (limit > 0), stiff * problem.space.friction_weight, 0.0)
+    penalties = jnp.where(rests & (limit > 0), stiff * problem.space.friction_weight, 0.0)
     lam = jnp.where(rests, jnp.clip(forces.friction, -limit, limit), 0.0)
     signs = jnp.where(rests, 0.0, jnp.sign(point.shift))
 
@@ -37,7 +37,7 @@ def of_splines(problem: SplineProblem, change: SplineProblem, outcome: Outcome) 
     def force(problem: SplineProblem) -> Array:
         """What would move the free coefficients if the problem changed around them."""
         at = placed(problem)
-        friction = problem.friction_limit * signs + lam + springs * at.shift
+        friction = problem.friction_limit * signs + lam + penalties * at.shift
         below = hold * problem.slack(at)
         return (
             problem.smooth_model(at).gradient
@@ -47,8 +47,8 @@ def of_splines(problem: SplineProblem, change: SplineProblem, outcome: Outcome) 
 
     _, rate = jax.jvp(force, (problem,), (change,))
     model = problem.smooth_model(point)
-    factor = problem.stiffness(point, model.bands, hold, springs)
-    step = -problem.relaxed(factor, jnp.where(problem.free, rate, 0.0))
+    factor = problem.stiffness(point, model.bands, hold, penalties)
+    step = -problem.solved(factor, jnp.where(problem.free, rate, 0.0))
     coefficients = jnp.where(problem.fixed, change.shift, step)
 
     def answer(problem: SplineProblem, free: Array) -> Point:

@@ -116,7 +116,7 @@ def against_ipopt(effort) -> Part:
         pairs = []
         for problem in (posed(scene, n) for scene in population(effort.peers, SEED)):
             ipopt, ours = prepare("ipopt", problem), jaxclay.minimize(problem)
-            theirs = ipopt.judge(ipopt.solve())
+            theirs = ipopt.certify(ipopt.solve())
             gap = float((theirs.energy - ours.energy) / ours.certificate.energy_free)
             if ours.certificate.accepted and abs(gap) <= _SAME:
                 call = lambda problem=problem: jaxclay.minimize(problem)  # noqa: E731

@@ -84,7 +84,7 @@ def test_what_is_out_of_time_has_had_all_of_it(mapped):
     assert (late.status == "iteration limit").all()
 
 
-def test_float32_is_judged_in_float64_and_its_rounding_is_kept(mapped):
+def test_float32_is_certified_in_float64_and_its_rounding_is_kept(mapped):
     _, table = mapped
     rows = table[(table.precision == SINGLE) & (table.method == "newton")]
     printed = rows[rows.panel.str.startswith("as printed")].iloc[0]

@@ -29,7 +29,7 @@ def experiment(tmp_path_factory):
     path.write_text(GREEDY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "_MOST", 2)
-        before = {name: getattr(jax.config, name) for name in backends._KEPT_SETTINGS}
+        before = {name: getattr(jax.config, name) for name in backends.KEPT_SETTINGS}
         for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
             jax.config.update(name, value)
         yield path

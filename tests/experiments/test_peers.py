@@ -1,4 +1,4 @@
-"""Solvers from outside: they find newton's minima, and are judged like any method."""
+"""Solvers from outside: they find newton's minima, and are certified like any method."""
 
 import sys
 
@@ -77,7 +77,7 @@ PLACED = {
 
 def answer(name, problem, **limits):
     ready = prepare(name, problem, **limits)
-    return ready.judge(ready.solve())
+    return ready.certify(ready.solve())
 
 
 def least_stretch(solution):
@@ -174,7 +174,7 @@ def test_time_that_has_run_out_counts_as_a_limit(name, monkeypatch):
 @pytest.mark.parametrize("name", PEERS)
 def test_a_solve_can_be_repeated(name):
     ready = prepare(name, MOVES["held end"])
-    first, second = (ready.judge(ready.solve()) for _ in range(2))
+    first, second = (ready.certify(ready.solve()) for _ in range(2))
     assert first.iterations == second.iterations
     np.testing.assert_array_equal(first.heights, second.heights)
 
@@ -184,7 +184,7 @@ def test_a_start_is_taken():
     start = jaxclay.minimize(problem).heights
     ready = prepare("optimistix-bfgs", problem, start, max_iterations=1)
     cold = prepare("optimistix-bfgs", problem, max_iterations=1)
-    energies = [float(r.judge(r.solve()).energy) for r in (ready, cold)]
+    energies = [float(r.certify(r.solve()).energy) for r in (ready, cold)]
     assert energies[0] < energies[1]
 
 

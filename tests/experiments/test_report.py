@@ -174,7 +174,7 @@ def test_no_profile_of_a_method_alone(folder):
 
 
 def test_where_no_minimum_is_certified_the_row_says_so(folder, monkeypatch, tmp_path):
-    """A referee that the certificate never accepts."""
+    """A reference_method that the certificate never accepts."""
     from jaxclay.experiments.sweep import solving
 
     monkeypatch.setattr(solving, "certified_minima", lambda wanted, method: [None] * len(wanted))

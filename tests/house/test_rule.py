@@ -1,6 +1,7 @@
 """The rule of the house: rooms import to their left, nobody the face, no private name leaves."""
 
 import ast
+import re
 import shutil
 import subprocess
 import sys
@@ -42,6 +43,27 @@ def test_nobody_inside_imports_the_face_or_what_is_private_elsewhere(path):
         private = [part for part in [*module.split("."), name] if part.startswith("_")]
         if private and private != ["__version__"]:
             assert room(module) == mine, f"{path} takes {private} out of {module}"
+
+
+TESTS = sorted((ROOT / "tests").rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", TESTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_tests_take_nothing_private(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    ours = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("jaxclay")
+        for alias in node.names
+    }
+    assert not [name for name in ours if name.startswith("_")]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            private = node.attr.startswith("_") and not node.attr.startswith(("__", "_repr_"))
+            assert not (private and node.value.id in ours), f"{node.value.id}.{node.attr}"
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            assert not re.search(r"\bjaxclay(\.\w+)*\._[a-z]\w", node.value, re.IGNORECASE)
 
 
 def test_at_most_three_modules_lie_beside_the_face():

@@ -90,7 +90,7 @@ def test_the_unit_of_energy_does_not_matter(method):
 
 
 @pytest.mark.parametrize("method", ALL)
-def test_any_answer_obeys_floor_and_tool_and_is_judged(method):
+def test_any_answer_obeys_floor_and_tool_and_is_certified(method):
     for problem in [*population_problems(12, seed=4), *floor_scenes()]:
         best = minimize(problem).raise_for_status()
         for limit in (1, 7, 400):

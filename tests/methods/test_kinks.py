@@ -20,7 +20,7 @@ N = 64
 
 
 def outside(problem, energy):
-    """SciPy's L-BFGS-B on an energy (value, gradient) of the heights, judged as it stands."""
+    """SciPy's L-BFGS-B on an energy (value, gradient) of the heights, certified as it stands."""
     free, heights = np.flatnonzero(problem.free), rough_shape(problem).heights.copy()
 
     def at(free_heights):
@@ -50,7 +50,9 @@ def derivative():
     return jax.jit(jax.value_and_grad(energy, argnums=1))
 
 
-def test_an_infinite_energy_ends_a_line_search_with_success_and_the_judge_refuses_it(derivative):
+def test_an_infinite_energy_ends_a_line_search_with_success_and_is_refused(
+    derivative,
+):
     """The first step leaves the shapes whose heights increase."""
     problem = cylinder_problem(REFERENCE, SNAKE)
 
@@ -68,7 +70,7 @@ def test_an_infinite_energy_ends_a_line_search_with_success_and_the_judge_refuse
     assert gap(answer, solved(problem)) > 0.01
 
 
-def test_lbfgs_stops_at_a_friction_kink_and_the_judge_refuses_it(derivative):
+def test_lbfgs_stops_at_a_friction_kink_and_the_certificate_refuses_it(derivative):
     problem = cylinder_problem(REFERENCE, SNAKE)
     with jax.enable_x64(True):
         result, answer = outside(problem, lambda heights: derivative(problem, heights))

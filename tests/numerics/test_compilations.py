@@ -38,7 +38,7 @@ def mappings():
     return len(Path("/proc/self/maps").read_text().splitlines())
 
 start = mappings()
-host._MOST_MAPPINGS, most = start + 1500, 0
+host.MOST_MAPPINGS, most = start + 1500, 0
 for i in range(60):
     result = minimize_banded(lambda x: jnp.sum((x - i) ** 4 + x**2), np.ones(3), 1)
     assert result.converged
@@ -55,18 +55,18 @@ def test_many_fresh_closures_do_not_fill_a_process():
 
 def test_letting_go_costs_a_warm_call_nothing():
     host.let_go()
-    host._compilations.clear()
+    host.recent_compilations.clear()
     assert min(timeit.repeat(host.let_go, number=1000, repeat=5)) / 1000 < 2e-6
 
 
 def test_nothing_is_let_go_inside_a_trace(monkeypatch):
     cleared = []
     monkeypatch.setattr(jax, "clear_caches", lambda: cleared.append(True))
-    monkeypatch.setattr(host, "_MOST_MAPPINGS", 0)
+    monkeypatch.setattr(host, "MOST_MAPPINGS", 0)
     clay, squash = jaxclay.Clay.cylinder(slices=8), jaxclay.Squash(0.0, 0.5, 0.4)
 
     def energy(mu):
-        host._compilations.extend([1.0] * host._LOOK_AFTER)
+        host.recent_compilations.extend([1.0] * host.LOOK_AFTER)
         return jaxclay.deform(clay, squash, jaxclay.Material(mu=mu), scheme="paper").energy
 
     with jax.enable_x64(True):

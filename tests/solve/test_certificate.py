@@ -21,7 +21,7 @@ DEEP = [
 _certify = jax.jit(lambda problem, *of: certify(problem.system, *of))
 
 
-def judge(problem, heights):
+def verdict_on(problem, heights):
     """The verdict on heights of which no multipliers are known."""
     with jax.enable_x64(True):
         verdict = _certify(problem, problem.point(heights), no_forces(problem))
@@ -41,7 +41,7 @@ def bare_problems():
 
 def test_exact_minimum_is_accepted():
     for problem in bare_problems():
-        verdict = judge(problem, rough_shape(problem, discrete=True).heights)
+        verdict = verdict_on(problem, rough_shape(problem, discrete=True).heights)
         assert verdict.accepted
         assert verdict.positive
         assert verdict.admissible
@@ -54,7 +54,7 @@ def test_a_nudge_of_any_kind_of_node_is_refused():
         free = np.flatnonzero(problem.free)
         for node in (free[0], free[len(free) // 2], free[-1]):
             for size in (1e-4, -1e-4):
-                assert not judge(problem, nudged(problem, heights, node, size)).accepted
+                assert not verdict_on(problem, nudged(problem, heights, node, size)).accepted
 
 
 @pytest.mark.parametrize(("squash", "mu"), DEEP)
@@ -63,7 +63,7 @@ def test_exact_minimum_on_the_floor_is_accepted(squash, mu):
     rough = rough_shape(problem, discrete=True)
     assert rough.floored
     slopes = np.diff(rough.heights) * 64
-    verdict = judge(problem, rough.heights)
+    verdict = verdict_on(problem, rough.heights)
     assert verdict.accepted
     on_floor = np.count_nonzero(np.isclose(slopes, 0.05, rtol=1e-9))
     assert 1 <= verdict.on_floor <= on_floor
@@ -74,7 +74,7 @@ def test_a_shape_off_the_floor_is_refused_there(squash, mu):
     problem = cylinder_problem(squash, Material(mu=mu, alpha=0.0, beta=0.0))
     heights = rough_shape(problem, discrete=True).heights
     last = np.flatnonzero(problem.free)[-1]
-    higher = judge(problem, nudged(problem, heights, last, 1e-4))
+    higher = verdict_on(problem, nudged(problem, heights, last, 1e-4))
     assert not higher.accepted
 
 
@@ -82,7 +82,7 @@ def test_a_shape_below_the_floor_is_refused():
     problem = cylinder_problem(REFERENCE, BARE)
     heights = rough_shape(problem, discrete=True).heights.copy()
     heights[40] = heights[39] + 0.04 / 64
-    verdict = judge(problem, heights)
+    verdict = verdict_on(problem, heights)
     assert not verdict.admissible
     assert not verdict.accepted
 
@@ -101,7 +101,7 @@ def test_decrement_bounds_the_gain_of_a_convex_energy():
             heights = best + rates
             gain = oracles.total_energy(heights, **oracles.constants_of(problem)) - lowest
             assert gain > 0
-            assert judge(problem, heights).decrement >= gain * (1 - 1e-6) - 1e-14
+            assert verdict_on(problem, heights).decrement >= gain * (1 - 1e-6) - 1e-14
 
 
 @pytest.mark.parametrize("material", [SNAKE, PRINTED])
@@ -111,7 +111,7 @@ def test_decrement_estimates_what_a_solver_gains_near_the_minimum(material):
     lowest = float(solution.energy)
     near = nudged(problem, solution.heights, 20, 1e-6)
     gain = float(jaxclay.total_energy(problem, near)) - lowest
-    verdict = judge(problem, near)
+    verdict = verdict_on(problem, near)
     assert not verdict.accepted
     assert verdict.decrement >= gain * (1 - 1e-3)
     assert verdict.decrement <= 10 * gain
@@ -121,12 +121,12 @@ def test_decrement_estimates_what_a_solver_gains_near_the_minimum(material):
 @pytest.mark.parametrize("material", [SNAKE, PRINTED])
 def test_rough_shapes_are_refused(squash, material):
     problem = cylinder_problem(squash, material)
-    assert not judge(problem, rough_shape(problem).heights).accepted
+    assert not verdict_on(problem, rough_shape(problem).heights).accepted
 
 
 def test_printed_rough_shape_has_no_positive_curvature():
     # A jump of radius makes the Hessian indefinite: nothing bounds what may be gained.
-    verdict = judge(*with_rough(cylinder_problem(REFERENCE, PRINTED)))
+    verdict = certify(*with_rough(cylinder_problem(REFERENCE, PRINTED)))
     assert not verdict.positive
     assert verdict.decrement == verdict.step == np.inf
 
@@ -142,13 +142,13 @@ def test_free_energy_leaves_the_fixed_band_out():
         heights, free=np.asarray(problem.free), **oracles.constants_of(problem)
     )
     whole = oracles.total_energy(heights, **oracles.constants_of(problem))
-    energy = judge(problem, heights).energy_free
+    energy = verdict_on(problem, heights).energy_free
     assert energy == pytest.approx(sum(parts.values()), rel=1e-9)
     assert energy < 0.6 * whole
 
 
 def test_clay_rests_where_the_tool_displaces_nothing():
     still = cylinder_problem(Squash(0.0, 0.25, 0.5), BARE)
-    verdict = judge(still, still.clay.heights)
+    verdict = certify(still, still.clay.heights)
     assert verdict.accepted
     assert verdict.decrement == verdict.energy_free == 0

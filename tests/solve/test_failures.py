@@ -86,7 +86,7 @@ def test_float32_cannot_see_a_minimum_on_a_fine_grid():
     assert seen.energy < 1e-5  # though the energy itself looks good
 
 
-def test_newton_in_float32_is_refused_by_the_judge():
+def test_newton_in_float32_is_refused_by_the_certificate():
     problem = cylinder_problem(REFERENCE, PRINTED)
     rough, settings = rough_shape(problem), method_settings("newton", {})
     with jax.enable_x64(False):

@@ -39,7 +39,7 @@ class Attempt(NamedTuple):
 class _Run(NamedTuple):
     seconds: float
     iterations: int
-    judged: Callable[[], Solution]
+    certified: Callable[[], Solution]
 
 
 class Attempts:
@@ -69,7 +69,7 @@ class Attempts:
             done = run(limit)
             self._speeds[key] = max(done.iterations, 1) / done.seconds
             if done.iterations < limit or done.seconds >= _NEARLY * self.seconds:
-                return Attempt(done.judged(), done.seconds)
+                return Attempt(done.certified(), done.seconds)
             limit = int(limit * np.clip(self.seconds / done.seconds, 1.2, _MOST_GROWTH)) + 1
 
 
@@ -83,7 +83,7 @@ def _prepared(
 
 
 def _double(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Run:
-    """The solve alone, so that the judge is compiled once for all methods."""
+    """The solve alone, so that the certificate is compiled once for all methods."""
     settings = method_settings(method, {"max_iterations": limit})
     with jax.enable_x64(True):
         arguments = jax.device_put(
@@ -99,10 +99,10 @@ def _single(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Ru
         arguments = single.rounded((problem, cold(problem, rough.point), settings, rough.feasible))
         seconds, outcome = _timed(jax.device_put(arguments), method)
 
-    def judged() -> Solution:
+    def certified() -> Solution:
         return conclude(problem, rough, single.widened(problem, outcome), method)
 
-    return _Run(seconds, int(outcome.iterations), judged)
+    return _Run(seconds, int(outcome.iterations), certified)
 
 
 def _timed(arguments: Any, method: str) -> tuple[float, Outcome]:

@@ -53,7 +53,7 @@ def charts(table: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
     if len(slices):
         caption = (
             "Number of slices: the reference scene, in float64, and on some of the grids in "
-            "float32, whose answers are judged in float64. But for newton, a method that is out of "
+            "float32, with answers checked in float64. But for newton, a method that is out of "
             "time on a grid is not tried on finer ones. " + _READING
         )
         yield "slices", caption, _by_panel(slices)

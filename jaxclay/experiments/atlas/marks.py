@@ -1,4 +1,4 @@
-"""Marks: what an attempt at a minimum came to, judged apart from what the method says of itself."""
+"""Marks: what an attempt at a minimum came to, apart from what the method says of itself."""
 
 from __future__ import annotations
 

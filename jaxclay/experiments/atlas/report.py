@@ -79,7 +79,7 @@ def _introduction(seconds: float) -> str:
     )
     return (
         "<p>Every method on every scene of the paper's scheme, started at the rough shape and "
-        "judged by the certificate. "
+        "checked by the certificate. "
         f"Each solve has {seconds:g} s, compiling apart: it is given as many iterations as fit, "
         "and more, afresh, until it ends or a run has lasted that long.</p>"
         f"<table>{marks}</table>"

@@ -33,7 +33,7 @@ def rounded(tree: T) -> T:
 
 
 def widened(problem: Problem, outcome: Outcome) -> Outcome:
-    """Where a float32 run ended, as float64 can judge it.
+    """Where a float32 run ended, as float64 can certify it.
 
     Heights are added up from the thicknesses, which float32 holds best; what rests goes
     on resting and the tool's nodes are exact.  For squashes from the ground.

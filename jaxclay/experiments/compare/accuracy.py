@@ -2,7 +2,7 @@
 
 Every row is one scene solved in one way: how far its contour is from that of the answer on 2048
 placed slices of second order, over l, how many unknowns that took, and two times.  ``solve_s`` is
-compiled code alone, from a posed problem to a judged answer; where slices are placed that is the
+compiled code alone, from a posed problem to a certified answer; where slices are placed that is the
 three solves one after the other.  ``call_s`` is what a user waits for: ``pose`` and
 ``minimize``, or ``deform``, the band, the nodes and Python included.  Both are medians of warm
 repeats.

@@ -52,7 +52,7 @@ class Clock:
 
     def time(self, problem: Problem, rough: RoughShape, method: str, settings: dict):
         """The timing columns, and the answer."""
-        once, judge = _timed(problem, rough, method, settings)
+        once, certify = _timed(problem, rough, method, settings)
         seconds, outcome = once()
         # Short runs are cheap to repeat and noisy, long ones the opposite.
         more = int(np.clip(_ENOUGH / seconds, self.repeats, _MOST_REPEATS))
@@ -65,15 +65,17 @@ class Clock:
             "solve_s_most": float(times.max()),
             "repeats": len(times),
         }
-        return timing, judge(outcome)
+        return timing, certify(outcome)
 
 
 Once = Callable[[], tuple[float, Any]]
-Judge = Callable[[Any], Solution]
+Certify = Callable[[Any], Solution]
 
 
-def _timed(problem: Problem, rough: RoughShape, method: str, settings: dict) -> tuple[Once, Judge]:
-    """A solve that can be called again and again, for its seconds and outcome; and its judge."""
+def _timed(
+    problem: Problem, rough: RoughShape, method: str, settings: dict
+) -> tuple[Once, Certify]:
+    """A solve that can be called again and again, for seconds and outcome; and its certificate."""
     if method in PEERS:
         return _timed_peer(problem, method, settings)
     with jax.enable_x64(True):
@@ -88,13 +90,13 @@ def _timed(problem: Problem, rough: RoughShape, method: str, settings: dict) -> 
             outcome = jax.block_until_ready(solve.whole(*arguments, method=method))
             return time.perf_counter() - begin, outcome
 
-    def judge(outcome) -> Solution:
+    def certify(outcome) -> Solution:
         return conclude(problem, rough, jax.tree.map(np.asarray, outcome), method)
 
-    return once, judge
+    return once, certify
 
 
-def _timed_peer(problem: Problem, name: str, settings: dict) -> tuple[Once, Judge]:
+def _timed_peer(problem: Problem, name: str, settings: dict) -> tuple[Once, Certify]:
     ready = prepare(name, problem, **settings)
 
     def once() -> tuple[float, Any]:
@@ -102,4 +104,4 @@ def _timed_peer(problem: Problem, name: str, settings: dict) -> tuple[Once, Judg
         answer = ready.solve()
         return time.perf_counter() - begin, answer
 
-    return once, ready.judge
+    return once, ready.certify

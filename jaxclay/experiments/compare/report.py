@@ -121,7 +121,7 @@ def _peers(table: pd.DataFrame) -> str:
     listed = "".join(f"<li><b>{name}</b>: {escape(PEERS[name].summary)}</li>" for name in names)
     return (
         "<p>Peers are established solvers from outside, dashed in the charts. They start at the "
-        "rough shape like the methods, and their answers are judged as they stand: below floor is "
+        "rough shape like the methods, and their answers are taken as they stand: below floor is "
         "one that breaks the thickness floor. Building a solver counts as compiling, and a solve "
         "that has not ended after 2 seconds as one at its iteration limit.</p>"
         f"<ul>{listed}</ul>"

@@ -14,7 +14,7 @@ from jaxclay.solve.solution import Solution
 Row = dict[str, Any]
 
 
-def judged(answer: Solution, reference: Solution | None) -> Row:
+def certified(answer: Solution, reference: Solution | None) -> Row:
     """An answer's columns, its gap and contour error those to a reference that is certified."""
     if reference is not None and not bool(reference.certificate.accepted):
         reference = None

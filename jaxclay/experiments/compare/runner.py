@@ -1,4 +1,4 @@
-"""Run scenes x methods x slices: every answer judged, every time measured apart from compiling.
+"""Run scenes x methods x slices: every answer certified, every time measured apart from compiling.
 
 Four kinds of rows come out, told apart by the column ``experiment``:
 
@@ -19,7 +19,7 @@ from jaxclay.clay.clay import Clay
 from jaxclay.experiments.compare.clock import Clock
 from jaxclay.experiments.compare.peers import PEERS, refusal
 from jaxclay.experiments.compare.plan import Job, Plan
-from jaxclay.experiments.compare.rows import Row, distance, judged, slack, start_energy
+from jaxclay.experiments.compare.rows import Row, certified, distance, slack, start_energy
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.solve.minimize import minimize
 from jaxclay.solve.solution import Solution
@@ -123,11 +123,11 @@ def _finest(plan: Plan, job: Job, known: dict) -> Clay | None:
 def _answer(
     job, method, experiment, problem, reference, clock, settings=None
 ) -> tuple[Row, Solution]:
-    """One method's answer as a row, judged against the certified minimum."""
+    """One method's answer as a row, certified against the certified minimum."""
     settings = settings or {}
     timing, answer = clock.time(problem, reference.rough, method, settings)
     row = _row(job, method, experiment) | timing
-    row |= judged(answer, reference)
+    row |= certified(answer, reference)
     row |= {
         "setting": next(iter(settings), ""),
         "value": float(next(iter(settings.values()), float("nan"))),

@@ -116,7 +116,7 @@ def _greedy_only(whole: Experiment) -> Experiment:
 
 
 def agreement(rows: pd.DataFrame, limits: AgreeTable) -> Agreement:
-    """Judge rows of ``greedy-refined`` by their distance to the certified minimum."""
+    """Compare rows of ``greedy-refined`` by their distance to the certified minimum."""
     certified, own = rows.energy_minimum.notna(), rows.status.isin(_OWN_RULE)
     compared = select(rows, certified & own)
     # Below the certified minimum counts too: then it is not the same one.  So does no number.

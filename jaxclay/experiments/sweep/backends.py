@@ -30,7 +30,7 @@ BACKENDS = ("serial", "processes", "dask")
 Batches = Iterable[list[Task]]
 _ANSWERS_WITHIN = 20.0  # seconds, a scheduler
 _AHEAD = 2  # batches that each worker has waiting
-_KEPT_SETTINGS = (
+KEPT_SETTINGS = (
     "jax_compilation_cache_dir",
     "jax_persistent_cache_min_compile_time_secs",
     "jax_persistent_cache_min_entry_size_bytes",
@@ -170,7 +170,7 @@ def one_thread() -> dict[str, str]:
     costs a third of the time.
     """
     names = "NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
-    kept = {name.upper(): getattr(jax.config, name) for name in _KEPT_SETTINGS}
+    kept = {name.upper(): getattr(jax.config, name) for name in KEPT_SETTINGS}
     return {
         **dict.fromkeys(names, "1"),
         "XLA_PYTHON_CLIENT_PREALLOCATE": "false",

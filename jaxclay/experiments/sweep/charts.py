@@ -146,7 +146,7 @@ def _profiles(goals: list[tuple[str, pd.DataFrame]]) -> Figure:
 
 
 def _goals(rows: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    """The goals that two methods or more can be judged by: title, and times to reach it."""
+    """The goals that two methods or more can be compared by: title, and times to reach it."""
     found = []
     for error, within, problem, title in _GOALS:
         those = _comparable(rows, error)

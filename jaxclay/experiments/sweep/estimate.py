@@ -21,12 +21,12 @@ _SECONDS = {
     "lattice": (2e-2, 1.5),
 }
 _OTHER = 1e-2  # on splines, or to a tolerance
-_AROUND = 5e-3  # posing, the reference and the judge
+_AROUND = 5e-3  # posing, the reference and the certificate
 _REFERENCE = 0.3  # the continuum's minimum, where that is asked for, and distances to it
 _COMPILING, _COMPILING_SPLINE, _COMPILING_REFERENCE = 5.0, 15.0, 15.0  # seconds for each shape
 _RUNS = 10  # of a timed task, about
 _SAVE_EVERY = 10.0  # seconds of work that a kill may cost
-_MOST = 256  # tasks in a batch
+MOST = 256  # tasks in a batch
 
 
 def seconds_of(task: Task, known: dict[tuple, float]) -> float:
@@ -45,7 +45,7 @@ def batch_sizes(todo: list[Task], known: dict[tuple, float], workers: int) -> di
     for task in todo:
         counts.setdefault(task.shape, []).append(seconds_of(task, known))
     return {
-        shape: max(1, min(int(_SAVE_EVERY / max(each)), _MOST, math.ceil(len(each) / workers)))
+        shape: max(1, min(int(_SAVE_EVERY / max(each)), MOST, math.ceil(len(each) / workers)))
         for shape, each in counts.items()
     }
 

@@ -21,7 +21,7 @@ _KEPT = 1024
 REFEREE = "lbfgs-preconditioned"  # of newton, on all schemes
 
 
-def referee(method: str) -> str:
+def reference_method(method: str) -> str:
     """Whose certified minimum a method's gap is measured from, never its own."""
     return REFEREE if method == "newton" else "newton"
 
@@ -43,18 +43,18 @@ _minima: dict[tuple[str, Recipe, int, str], Solution] = {}
 
 
 def certified_minima(wanted: list[Posed], method: str) -> list[Solution | None]:
-    """The referee's answers for scenes that can be posed, None where it is not certified."""
-    judge = referee(method)
+    """The reference method's answers for scenes that can be posed, None if not certified."""
+    other = reference_method(method)
     # A worker of dask may have several threads: what they share is read once.
-    known = {one: _minima.get((judge, *one)) for one in wanted}
+    known = {one: _minima.get((other, *one)) for one in wanted}
     new = [one for one, answer in known.items() if answer is None]
     for size in {one[1:] for one in new}:
         same = [one for one in new if one[1:] == size]
-        answers = minimized([posed(*one) for one in same], judge, [{}] * len(same))
+        answers = minimized([posed(*one) for one in same], other, [{}] * len(same))
         known.update(zip(same, answers, strict=True))
     if len(_minima) > _KEPT:
         _minima.clear()
-    _minima.update({(judge, *one): answer for one, answer in known.items() if answer})
+    _minima.update({(other, *one): answer for one, answer in known.items() if answer})
     found = [known[one] for one in wanted]
     return [answer if answer and bool(answer.certificate.accepted) else None for answer in found]
 
@@ -89,8 +89,8 @@ def on_spans(recipe: Recipe, elements: int) -> Any:
 
 @functools.lru_cache(maxsize=_KEPT)
 def minimum_on_spans(recipe: Recipe, elements: int, method: str) -> Solution | None:
-    """The referee's answer on the same splines; None where it is not certified."""
-    answer = minimize(on_spans(recipe, elements), referee(method))
+    """The reference method's answer on the same splines; None where it is not certified."""
+    answer = minimize(on_spans(recipe, elements), reference_method(method))
     return answer if bool(answer.certificate.accepted) else None
 
 

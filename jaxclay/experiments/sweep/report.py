@@ -112,15 +112,15 @@ def _explanation(kind: str, rows: pd.DataFrame) -> str:
         if kind == "timing"
         else ""
     )
-    judged = select(rows, rows.energy_minimum.notna())
-    referees = "; ".join(
+    certified = select(rows, rows.energy_minimum.notna())
+    references = "; ".join(
         f"{escape(str(who))} for {escape(', '.join(part.series.unique()))}"
-        for who, part in groups(judged, "reference")
+        for who, part in groups(certified, "reference")
     )
     return (
         f"<p>{times}Gaps are over E_free, measured from the minimum of another method than the "
-        f"row's, which the certificate accepts ({referees or 'none here'}). Where it accepts none, "
-        "a column uncertified counts the task and the medians are without it.</p>"
+        f"row's, which the certificate accepts ({references or 'none here'}). Where it accepts "
+        "none, a column uncertified counts the task and the medians are without it.</p>"
     )
 
 

@@ -18,7 +18,7 @@ from jaxclay.experiments.sweep.references import (
     minimum_on_spans,
     on_spans,
     posed,
-    referee,
+    reference_method,
     whole,
 )
 from jaxclay.experiments.sweep.tasks import Task
@@ -68,7 +68,7 @@ def _slices(batch: list[Task]) -> list[Row]:
     minima = certified_minima(wanted, method)
     for i, answer, minimum in zip(problems, answers, minima, strict=True):
         times = Times(solve_s=seconds, repeats=1, batch=len(problems))
-        results[i] = _judged(batch[i], answer, minimum, referee(method), times)
+        results[i] = _certified(batch[i], answer, minimum, reference_method(method), times)
     return [results[i] for i in range(len(batch))]
 
 
@@ -86,7 +86,7 @@ def _to_tolerance(batch: list[Task]) -> list[Row]:
     seconds = (time.perf_counter() - begin) / max(len(scenes), 1)
     times = Times(solve_s=seconds, repeats=1, batch=len(scenes))
     for i, answer in zip(scenes, answers, strict=True):
-        row = _judged(batch[i], answer, None, _NONE, times)
+        row = _certified(batch[i], answer, None, _NONE, times)
         results[i] = row | {"error_estimate": float(np.asarray(answer.error_estimate))}
     return [results[i] for i in range(len(batch))]
 
@@ -113,22 +113,22 @@ def _timed(task: Task) -> Row:
         answer, times = timed_slices(task, posed(task.recipe, task.slices, task.scheme))
     except REFUSALS as error:
         return _skipped(error)
-    return _judged(task, answer, minimum, referee(task.method), times)
+    return _certified(task, answer, minimum, reference_method(task.method), times)
 
 
 def _of_spans(task: Task, answer: Solution, times: Times) -> Row:
     minimum = minimum_on_spans(task.recipe, task.elements, task.method)
-    return _judged(task, answer, minimum, referee(task.method), times)
+    return _certified(task, answer, minimum, reference_method(task.method), times)
 
 
-def _judged(
-    task: Task, answer: Solution, minimum: Solution | None, judge: str, times: Times
+def _certified(
+    task: Task, answer: Solution, minimum: Solution | None, other: str, times: Times
 ) -> Row:
-    row = rows.judged(answer, minimum)
+    row = rows.certified(answer, minimum)
     true = continuum(task.recipe, task.reference) if task.reference else None
     heights = np.asarray(answer.clay.heights)
     return row | times._asdict() | {
-        "reference": _NONE if minimum is None else judge,
+        "reference": _NONE if minimum is None else other,
         "energy_start": math.nan if task.scheme == "spline" else rows.start_energy(answer),
         "contour_error_continuum": rows.distance(answer.clay, true),
         "contour_height": (heights[:-1] + heights[1:]) / 2,

@@ -27,7 +27,7 @@ from jaxclay.solve.on_spans import begin_from
 from jaxclay.solve.solution import Solution
 
 _NONE = np.zeros(0)
-_LOCKS = Path(tempfile.gettempdir())
+LOCKS = Path(tempfile.gettempdir())
 
 
 class Times(NamedTuple):
@@ -106,7 +106,7 @@ def alone() -> Iterator[None]:
     except ImportError:  # on Windows nobody is kept off
         yield
         return
-    with (_LOCKS / f"jaxclay-timing-{os.getuid()}.lock").open("a") as file:
+    with (LOCKS / f"jaxclay-timing-{os.getuid()}.lock").open("a") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -11,7 +11,7 @@ from jaxclay.experiments.compare.rows import Row
 from jaxclay.experiments.sweep.engine import Tell, in_words
 
 INTERRUPTED = 130
-_EVERY = 30.0  # seconds between the lines of the quiet mode
+EVERY = 30.0  # seconds between the lines of the quiet mode
 Interrupt = Callable[[], None]
 
 
@@ -25,7 +25,7 @@ class _Log:
     def __call__(self, rows: list[Row], done: int) -> None:
         self.interrupt()
         now = time.perf_counter()
-        if now - self.last < _EVERY and done < self.total:
+        if now - self.last < EVERY and done < self.total:
             return
         self.last = now
         speed = max(done - self.first, 1) / (now - self.begin)

@@ -7,6 +7,6 @@ differences as a point of its own, with X = x0 and, through the clay under the t
 X_u = 0.
 
 ``locate``, ``moments``: the band of least E_move on the smooth rest shape.  ``density``, ``nodes``:
-where slices go.  ``weights``: the sums.  ``posing``: the problem.  ``ladder``: an answer on fewer
-slices as a start.  ``edges``: which edges of tools an answer's contour has.
+where slices go.  ``weights``: the sums.  ``posing``: the problem.  ``edges``: which edges of
+tools an answer's contour has.
 """

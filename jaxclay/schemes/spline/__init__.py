@@ -2,6 +2,5 @@
 
 A check from elsewhere than slices: the radius follows from Y_u exactly, and the energy's densities
 are integrated by Gauss points.  ``bspline`` and ``mesh`` know splines, ``space`` what the energy
-samples of them, ``problem`` and ``pose`` a squash, ``solve`` finds the minimum and the clay that
-it describes, ``judge`` certifies it, ``sensitivity`` differentiates it.
+samples of them, ``problem`` and ``pose`` a squash.  Its minimum is found by ``solve/on_spans``.
 """

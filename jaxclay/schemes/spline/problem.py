@@ -235,7 +235,7 @@ class SplineProblem:
             bands = bands.at[0].add(jnp.where(self.free, shift * jnp.max(bands[0]), 0.0))
         return banded.factorize(bands)
 
-    def relaxed(self, stiff: Factor, force: Array) -> Array:
+    def solved(self, stiff: Factor, force: Array) -> Array:
         """(N,) H^-1 force."""
         return banded.solve(stiff, force)
 
@@ -243,7 +243,7 @@ class SplineProblem:
         """(N,) H^-1 force; whether H is positive definite."""
         gauss = pull.gauss > 0
         stiff = self.stiffness(point, matrix, pull.floor, pull.friction, pull.shift, gauss)
-        return self.relaxed(stiff, pull.force), stiff.positive
+        return self.solved(stiff, pull.force), stiff.positive
 
     def evened(self, point: Point, fraction: Array) -> Point:
         """The point moved by ``fraction`` towards each side of the band squeezed evenly."""
@@ -268,7 +268,7 @@ class SplineProblem:
         squeezed = jnp.concatenate([below, above])
         return jnp.where(self.fixed, self.shift, squeezed)
 
-    def sent_home(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Point, rests: Array) -> Point:
         """The point without the coefficients in whose support all clay rests."""
         spans, width = self.space.spans, self.space.degree + 1
         moves = (~rests & (self.space.friction_weight > 0)).reshape(spans, -1).any(axis=1)

@@ -1,8 +1,8 @@
-"""Established solvers from outside, judged by jaxclay's certificate (extra ``peers``).
+"""Established solvers from outside, checked by jaxclay's certificate (extra ``peers``).
 
     ready = prepare("ipopt", problem)   # all that comes before solving
     answer = ready.solve()              # the solver's own work, to be timed
-    solution = ready.judge(answer)      # a Solution, with its certificate
+    solution = ready.certify(answer)      # a Solution, with its certificate
 
 Nothing here helps a solver: its answer is read off as it stands, and only the
 certificate can call it converged.  To time one, hold BLAS to one thread, as the
@@ -51,8 +51,8 @@ class Prepared:
         """The solver's own work and nothing else; can be called again and again."""
         return self.task.solve()
 
-    def judge(self, answer: Any) -> Solution:
-        """What ``solve`` returned as a :class:`jaxclay.Solution`, judged by the certificate."""
+    def certify(self, answer: Any) -> Solution:
+        """What ``solve`` returned as a :class:`jaxclay.Solution`, with its certificate."""
         return conclude(self.problem, self.rough, self.task.read(answer), self.name)
 
 

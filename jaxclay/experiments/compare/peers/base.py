@@ -31,7 +31,7 @@ class Task(NamedTuple):
     solve : () -> answer
         The solver's own work and nothing else; can be called again and again.
     read : answer -> Outcome
-        What :func:`jaxclay.minimize.conclude` judges.
+        What :func:`jaxclay.minimize.conclude` certifies.
     """
 
     solve: Callable[[], Any]
@@ -64,7 +64,7 @@ class Peer(NamedTuple):
 
 
 def outcome(thickness, shift, iterations: int, finished: bool) -> Outcome:
-    """The point that a solver ended at; the judge reads the forces off it."""
+    """The point that a solver ended at; the certificate reads the forces off it."""
     point = Point(np.array(thickness, float), np.array(shift, float))
     forces = Forces(np.zeros_like(point.shift), np.zeros_like(point.thickness))
     finite = np.isfinite(point.thickness).all() and np.isfinite(point.shift).all()

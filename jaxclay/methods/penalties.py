@@ -1,15 +1,15 @@
-"""Friction and floor on splines for minimisers of smooth functions: springs with multipliers.
+"""Friction and floor on splines for minimisers of smooth functions: penalties with multipliers.
 
 Points of a spline do not move one by one, so that none can be pinned.  Instead
-friction, mu |d|, is seen through a spring of stiffness mu / eps that slips where it
+friction, mu |d|, is seen through a penalty of stiffness mu / eps that slips where it
 would have to hold more than mu:
 
     max over |l| <= mu of  l d - eps / (2 mu) (l - lam)^2,
 
 which is smooth in d and has its minimum where E_total has as soon as lam is
-friction's force there.  Each stage ends by taking lam from its springs (method of
+friction's force there.  Each stage ends by taking lam from its penalties (method of
 multipliers: Rockafellar 1976), with eps stepped down first and then kept until the
-forces agree with the displacements.  The thickness floor is a spring with a
+forces agree with the displacements.  The thickness floor is a penalty with a
 multiplier of its own, which only pushes.
 """
 
@@ -28,11 +28,11 @@ _LADDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # eps, over the unit l
 _TIGHT = 1e-7  # from which stages end at the tolerance, and the solve may
 _ROUNDS = 60  # at most, at the last eps
 _FLOOR = 1e3  # first stiffness of the floor over k; grows as eps falls
-_HOME = 1e-2  # displacement over eps within which clay is put back to rest
+_RESTS = 1e-2  # displacement over eps within which clay is put back to rest
 _AGREES = 1e-2  # of what the certificate accepts
 
 
-class Springs(NamedTuple):
+class Penalties(NamedTuple):
     """A stage of the solve.
 
     Attributes
@@ -54,7 +54,7 @@ class Springs(NamedTuple):
 
     @property
     def eps(self) -> Array:
-        """Displacement over the unit l at which friction's springs slip."""
+        """Displacement over the unit l at which friction's penalties slip."""
         return jnp.asarray(_LADDER)[self._rung]
 
     @property
@@ -76,11 +76,11 @@ class Springs(NamedTuple):
         return problem.free
 
     def held(self, shift: Array) -> Array:
-        """(S * 6,) force of friction's springs over mu."""
+        """(S * 6,) force of friction's penalties over mu."""
         return jnp.clip(self.friction + shift / self.eps, -1.0, 1.0)
 
     def pushed(self, problem: SplineProblem, point: Point) -> Array:
-        """(S * 4,) force of the floor's springs, energy over stretch and clay."""
+        """(S * 4,) force of the floor's penalties, energy over stretch and clay."""
         stretch = problem.slack(point) / problem.rest_thickness
         return jnp.maximum(self.floor - self._floor_stiffness(problem) * stretch, 0.0)
 
@@ -88,7 +88,7 @@ class Springs(NamedTuple):
         return _FLOOR * problem.material.k * 10.0**self._rung
 
     def energy(self, problem: SplineProblem, point: Point) -> Array:
-        """E_free with friction and floor as springs; finite everywhere."""
+        """E_free with friction and floor as penalties; finite everywhere."""
         # Half the floor is far outside, but the radius is still finite there.
         Y_u = jnp.maximum(point.thickness, problem.floor / 2)
         slopes = jnp.concatenate([Y_u[:, None], point.slopes[:, 1:]], axis=1)
@@ -100,7 +100,7 @@ class Springs(NamedTuple):
         return smooth + problem.total(problem.friction_limit * friction, floor)
 
     def curvatures(self, problem: SplineProblem) -> tuple[Array, Array]:
-        """What the springs add at the base by Y_u, (S * 4,), and by displacement, (S * 6,)."""
+        """What the penalties add at the base by Y_u, (S * 4,), and by displacement, (S * 6,)."""
         slips = jnp.abs(self.friction + self.base.shift / self.eps) > 1
         friction = jnp.where(slips, 0.0, problem.friction_limit / self.eps)
         stiffness = self._floor_stiffness(problem) * problem.space.weight
@@ -108,7 +108,7 @@ class Springs(NamedTuple):
         return jnp.where(pushes, stiffness / problem.rest_thickness**2, 0.0), friction
 
     def forces(self, problem: SplineProblem, point: Point) -> Forces:
-        """What the springs hold."""
+        """What the penalties hold."""
         floor = problem.space.weight * self.pushed(problem, point) / problem.rest_thickness
         friction = problem.friction_limit * self.held(point.shift)
         return Forces(friction, jnp.where(problem.loose, floor, 0.0))
@@ -123,20 +123,22 @@ class Springs(NamedTuple):
         return jnp.maximum(energy, jnp.where(self.tight, 0.0, 1e-2 * smoothing))
 
 
-def first_springs(problem: SplineProblem, start: Point) -> Springs:
+def first_penalties(problem: SplineProblem, start: Point) -> Penalties:
     """The softest ones, without multipliers."""
     friction, floor = jnp.zeros_like(problem.friction_limit), jnp.zeros_like(problem.floor)
-    return Springs(start, jnp.asarray(0), friction, floor)
+    return Penalties(start, jnp.asarray(0), friction, floor)
 
 
-def next_springs(problem: SplineProblem, point: Point, stage: Springs) -> tuple[Springs, Array]:
-    """The next eps with the springs' forces for multipliers; also whether these agree.
+def next_penalties(
+    problem: SplineProblem, point: Point, stage: Penalties
+) -> tuple[Penalties, Array]:
+    """The next eps with the penalties' forces for multipliers; also whether these agree.
 
     They do where they leave no gap: friction's is mu |d| - lam d.
     """
     friction, floor = stage.held(point.shift), stage.pushed(problem, point)
-    rests = (jnp.abs(friction) < 1) & (jnp.abs(point.shift) <= _HOME * stage.eps)
-    point = problem.sent_home(point, rests & stage.tight)
+    rests = (jnp.abs(friction) < 1) & (jnp.abs(point.shift) <= _RESTS * stage.eps)
+    point = problem.put_to_rest(point, rests & stage.tight)
     slack = problem.slack(point) / problem.rest_thickness
     apart = problem.friction_limit * (jnp.abs(point.shift) - friction * point.shift)
     weight = jnp.where(problem.loose, problem.space.weight, 0.0)
