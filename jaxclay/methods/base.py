@@ -46,8 +46,8 @@ class Method(NamedTuple):
     step : (problem, state, settings) -> State
     summary : str
         What it is, in a line.
-    resume : (problem, start, forces, near, settings) -> State, optional
-        ``init`` for a method that gains from starting near: where ``near``, the start is a
+    resume : (problem, start, forces, warm, settings) -> State, optional
+        ``init`` for a method that gains from a warm start: where ``warm``, the start is a
         minimum close by, with these forces.
     splines : bool
         Whether it knows the scheme "spline" too, and not only nodes.

@@ -21,14 +21,14 @@ class Start(NamedTuple):
     ----------
     point : AnyPoint
     forces : Forces
-        Multipliers; they count where ``near``.
-    near : bool
+        Multipliers; they count where ``warm``.
+    warm : bool
         Whether this is a minimum of a problem close by, rather than any shape.
     """
 
     point: Any
     forces: Forces
-    near: Array
+    warm: Array
 
 
 class Outcome(NamedTuple):

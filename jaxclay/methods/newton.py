@@ -84,19 +84,19 @@ def init(problem: Newtonian, start: AnyPoint, settings: NewtonSettings) -> State
 
 
 def resume(
-    problem: Newtonian, start: AnyPoint, forces: Forces, near: Array, settings: NewtonSettings
+    problem: Newtonian, start: AnyPoint, forces: Forces, warm: Array, settings: NewtonSettings
 ) -> State:
     """The same; where the start is a minimum close by, with the multipliers there."""
-    xp = namespace(problem.friction_limit, start.shift, forces.friction, near)
+    xp = namespace(problem.friction_limit, start.shift, forces.friction, warm)
     point, limit = _interior(problem, start), problem.friction_limit
-    eps = xp.where(near, _WARM_EPS, _FIRST_EPS)
+    eps = xp.where(warm, _WARM_EPS, _FIRST_EPS)
     fitting = limit * point.shift / xp.sqrt(point.shift**2 + eps**2)
-    lam = xp.where(near, xp.clip(forces.friction, -limit, limit), fitting)
+    lam = xp.where(warm, xp.clip(forces.friction, -limit, limit), fitting)
     energy = problem.free_smooth(point) + limit @ abs(point.shift)
     # A jump of radius makes the Hessian indefinite: Gauss and Newton's goes first.
-    memory = Memory(eps, xp.where(near, _WARM_GAIN, 1.0) * energy, 1.0 + 0.0 * energy)
+    memory = Memory(eps, xp.where(warm, _WARM_GAIN, 1.0) * energy, 1.0 + 0.0 * energy)
     pushes = _barrier(problem, energy, memory) / problem.slack(point)
-    pushes = xp.where(near, xp.maximum(forces.floor, pushes), pushes)
+    pushes = xp.where(warm, xp.maximum(forces.floor, pushes), pushes)
     nothing = 0 * xp.argmax(limit)
     return State(point, Forces(lam, pushes), nothing, xp.max(problem.free) == 0, memory)
 

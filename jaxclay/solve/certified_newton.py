@@ -107,7 +107,7 @@ def packed(system: System, start: Start, settings: NewtonSettings, feasible: Arr
     point = start.point
     if not feasible:
         point = Point(s.rest_thickness, 0.0 * s.target)
-    state = newton.resume(system, point, start.forces, start.near, settings)
+    state = newton.resume(system, point, start.forces, start.warm, settings)
     (thickness, shift), (friction, floor), _, finished, memory = state
     return Packed(
         np.stack([s.free, s.target, s.friction_limit, shift, friction]),
@@ -158,7 +158,7 @@ def answered(system: System, start: Start, settings: NewtonSettings, feasible: A
     """The same from a start, for more than one in a program."""
     rest = Point(system.rest_thickness, 0 * system.target)
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), start.point, rest)
-    state = newton.resume(system, point, start.forces, start.near, settings)
+    state = newton.resume(system, point, start.forces, start.warm, settings)
     state = state._replace(iterations=jnp.asarray(0))
     return _answer(*certified_newton(system, state, settings, feasible))
 

@@ -91,8 +91,8 @@ def begin_from(problem: SplineProblem, start: Any) -> Start:
     if start is None:
         return in_float64("minimize", _evenly, problem)
     check_same_scheme(problem, start)
-    near = isinstance(start, Solution)
-    given = start.point if near else start
+    warm = isinstance(start, Solution)
+    given = start.point if warm else start
     coefficients = getattr(given, "coefficients", given)
     if np.shape(coefficients) != np.shape(problem.shift):
         raise ValueError(
@@ -100,7 +100,7 @@ def begin_from(problem: SplineProblem, start: Any) -> Start:
             f"{np.shape(coefficients)}; give an answer on the same degree and elements"
         )
     begin = in_float64("minimize", _from, problem, coefficients)
-    return Start(begin.point, start.forces, np.asarray(True)) if near else begin
+    return Start(begin.point, start.forces, np.asarray(True)) if warm else begin
 
 
 @compiled()

@@ -33,8 +33,8 @@ def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
             f"{problem.slices}: give heights, or squash a clay of as many slices"
         )
     moved = jax.tree.map(lambda a, b, c: a + b - c, rough, start.point, start.rough.point)
-    near = lifted(problem, problem.imposed(moved))
-    return Start(near, start.forces, np.asarray(True))
+    close = lifted(problem, problem.imposed(moved))
+    return Start(close, start.forces, np.asarray(True))
 
 
 def check_same_scheme(problem: Any, start: Any) -> None:
