@@ -145,8 +145,10 @@ def program(values: Packed) -> Answer:
     r0, k, mu, total, feasible, finished, *rest_of = values.scalars
     apart, tension, change = values.middles
     system = System(
-        free, target, limit, upper, width, rest, least, strain, slope, tuple(radii), apart,
-        tension, change, values.turn, r0, k, mu, total,
+        free=free, target=target, friction_limit=limit, upper=upper, width=width,
+        rest_thickness=rest, floor=least, strain=strain, slope=slope, radii=tuple(radii),
+        apart=apart, tension=tension, change=change, turn=values.turn, r0=r0, k=k, mu=mu,
+        friction_total=total,
     )  # fmt: skip
     memory, settings = newton.Memory(*rest_of[:3]), NewtonSettings(*rest_of[3:])
     point, forces = Point(thickness, shift), Forces(friction, floor)

@@ -28,7 +28,7 @@ def experiment(tmp_path_factory):
     path = tmp_path_factory.mktemp("experiment") / "small.toml"
     path.write_text(GREEDY)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(estimate, "_MOST", 2)
+        patch.setattr(estimate, "MOST", 2)
         before = {name: getattr(jax.config, name) for name in backends.KEPT_SETTINGS}
         for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
             jax.config.update(name, value)
@@ -127,8 +127,8 @@ def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
                         scheduler=cluster.scheduler_address)
             for path in paths
         ]  # fmt: skip
-        for n, run in zip(sizes, runs, strict=True):
-            assert list(run.result().slices) == [n] * COUNT
+        for n, done in zip(sizes, runs, strict=True):
+            assert list(done.result().slices) == [n] * COUNT
 
 
 def test_workers_of_a_local_cluster_keep_compilations_in_the_same_place(experiment):

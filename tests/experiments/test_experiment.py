@@ -5,8 +5,6 @@ import re
 import numpy as np
 import pytest
 
-import jaxclay
-
 pytest.importorskip("pydantic")
 
 from jaxclay.cli.main import main
@@ -101,7 +99,7 @@ def test_a_key_changes_with_the_inputs_the_file_and_the_version(read, tmp_path, 
     pot.write_text("height,radius\n0,1\n1,2\n")
     changed = key()
     assert changed != before
-    monkeypatch.setattr(jaxclay, "__version__", "99")
+    monkeypatch.setattr("jaxclay.experiments.sweep.tasks.__version__", "99")
     assert key() != changed
 
 

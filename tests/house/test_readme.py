@@ -18,7 +18,7 @@ def test_the_diagram_is_that_of_the_imports(monkeypatch):
     monkeypatch.setattr(sys, "path", [str(ROOT / "scripts"), *sys.path])
     from house import diagram
 
-    assert diagram() in README.read_text(encoding="utf-8")
+    assert diagram() in README.read_text(encoding="utf-8"), "run scripts/house.py"
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from jaxclay.numerics.banded import BandedStatus
 from jaxclay.numerics.banded_newton import minimize_banded
+from jaxclay.numerics.banded_steps import BandedStatus
 
 FEW = settings(max_examples=15, deadline=None)
 

@@ -95,7 +95,7 @@ def _run_job(plan, job, clock, finest, tick):
 
 
 def _ladders(job, method, problem, reference, clock):
-    setting, values = PEER_LADDER if method in PEERS else LADDERS[method]
+    setting, values = PEER_LADDER if method in PEERS else LADDERS.get(method, ("", ()))
     for value in values:
         row, _ = _answer(job, method, "ladder", problem, reference, clock, {setting: value})
         yield row, None

@@ -7,6 +7,7 @@ import math
 from jaxclay.experiments.sweep.tasks import Task
 
 # Seconds of a solve at 64 slices on the scenes of the paper, and how they grow with the slices.
+_UNKNOWN = (5e-2, 1.5)  # of a method that is not among them
 _SECONDS = {
     "newton": (4e-4, 1.1),
     "lbfgs": (2e-2, 1.5),
@@ -33,7 +34,7 @@ def seconds_of(task: Task, known: dict[tuple, float]) -> float:
     """Seconds that a task takes, compiling apart; ``known`` are medians of ``solve_s``."""
     solve = known.get((task.kind, *task.shape))
     if solve is None:
-        at_64, power = _SECONDS[task.method]
+        at_64, power = _SECONDS.get(task.method, _UNKNOWN)
         solve = at_64 * (task.slices / 64) ** power if task.slices else _OTHER
     runs = _RUNS + len(task.stops) * _RUNS / 2 if task.kind == "timing" else 1
     return solve * runs + _AROUND + (_REFERENCE if task.reference else 0.0)
