@@ -148,7 +148,7 @@ def test_a_late_method_is_not_tried_on_finer_grids_but_newton_is(monkeypatch):
         tried.append((cell.panel, cell.slices, list(methods)))
         return [{"method": method, "mark": late} for method in methods]
 
-    monkeypatch.setattr(runner, "_rows", rows)
+    monkeypatch.setattr(runner, "rows_of", rows)
     grids = Grids(depths=(), frictions=(), alphas=(), betas=(), slices=(16, 32), single_slices=())
     list(runner.run(grids, ["newton", "greedy"], 0.1))
     panels = "snake units, float64", "as printed, float64"

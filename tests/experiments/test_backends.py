@@ -100,7 +100,7 @@ def test_a_process_that_dies_is_said_and_what_ended_is_kept(serial, experiment, 
 
 
 def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeypatch):
-    monkeypatch.setattr(backends, "_ANSWERS_WITHIN", 1)
+    monkeypatch.setattr(backends, "ANSWERS_WITHIN", 1)
     with pytest.raises(OSError, match="Timed out"):
         engine.run(read_experiment(experiment), tmp_path, "dask", "tcp://127.0.0.1:1")
 

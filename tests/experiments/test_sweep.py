@@ -82,7 +82,7 @@ def test_what_cannot_be_posed_is_skipped_and_says_why(tmp_path, experiment):
 
 def test_progress_of_a_quiet_run_has_rate_and_time_left(experiment, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("jaxclay.experiments.sweep.watch.EVERY", 0.0)
-    monkeypatch.setattr(estimate, "_MOST", 12)
+    monkeypatch.setattr(estimate, "MOST", 12)
     assert main(["sweep", str(experiment), "--out", str(tmp_path), "--quiet"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert re.fullmatch(rf"12 of {COUNT} tasks, [\d.]+(/s| s each), .* s left", lines[1])

@@ -62,6 +62,9 @@ def test_tests_take_nothing_private(path):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             private = node.attr.startswith("_") and not node.attr.startswith(("__", "_repr_"))
             assert not (private and node.value.id in ours), f"{node.value.id}.{node.attr}"
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("setattr"):
+            target, name = (ast.unparse(argument) for argument in node.args[:2])
+            assert not (target in ours and name.startswith("'_")), f"{target}.{name}"
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             assert not re.search(r"\bjaxclay(\.\w+)*\._[a-z]\w", node.value, re.IGNORECASE)
 

@@ -30,14 +30,14 @@ def run(
     for cell in grids.cells():
         tick(cell.name)
         attempts.on_grid(cell.slices)
-        rows = _rows(cell, [m for m in methods if (cell.panel, m) not in slow], attempts, tick)
+        rows = rows_of(cell, [m for m in methods if (cell.panel, m) not in slow], attempts, tick)
         if cell.sweep == "slices":
             late = {r["method"] for r in rows if r["mark"] == str(Mark.OUT_OF_TIME)} - {_DEFAULT}
             slow |= {(cell.panel, method) for method in late}
         yield rows
 
 
-def _rows(cell: Cell, methods: list[str], attempts: Attempts, tick) -> list[Row]:
+def rows_of(cell: Cell, methods: list[str], attempts: Attempts, tick) -> list[Row]:
     try:
         problem = cell.problem()
     except ValueError as error:

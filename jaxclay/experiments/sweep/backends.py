@@ -28,7 +28,7 @@ from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
 Batches = Iterable[list[Task]]
-_ANSWERS_WITHIN = 20.0  # seconds, a scheduler
+ANSWERS_WITHIN = 20.0  # seconds, a scheduler
 _AHEAD = 2  # batches that each worker has waiting
 KEPT_SETTINGS = (
     "jax_compilation_cache_dir",
@@ -104,7 +104,7 @@ def dask(batches: Batches, scheduler: str | None = None) -> Iterator[list[Row]]:
 
     with contextlib.ExitStack() as stack:
         where: Any = stack.enter_context(local_cluster()) if scheduler is None else scheduler
-        client: Any = stack.enter_context(Client(where, timeout=_ANSWERS_WITHIN))
+        client: Any = stack.enter_context(Client(where, timeout=ANSWERS_WITHIN))
         running = as_completed()
         left = iter(batches)
 
