@@ -38,6 +38,7 @@ def run(
 
 
 def rows_of(cell: Cell, methods: list[str], attempts: Attempts, tick) -> list[Row]:
+    """What the methods make of a cell, a row each."""
     try:
         problem = cell.problem()
     except ValueError as error:
