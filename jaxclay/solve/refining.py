@@ -19,7 +19,7 @@ from jaxclay.schemes.sums import Point
 from jaxclay.solve.carried import carried
 from jaxclay.solve.solution import Solution, Status
 
-SIZES = tuple(32 << i for i in range(7))  # slices that an answer to a tolerance may have
+SIZES = tuple(32 << i for i in range(8))  # slices that an answer to a tolerance may have
 _DIRECT = 512  # slices at most that the first answer is taken on
 _MANY = 1024
 _SHARE = 3  # at second order the error is a third of the distance to half as many slices
@@ -57,7 +57,7 @@ def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES)
     """
     first, *more = sizes
     answers = [(yield from _next(found, first, []))]
-    distance = np.inf
+    distances = [np.inf]  # of each answer from the one before
     for size in more:
         if answers[-1].status is Status.INFEASIBLE:
             break
@@ -66,15 +66,23 @@ def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES)
         both = last.status is Status.CONVERGED and before.status is Status.CONVERGED
         # So many that as many again would not fit: the estimate alone must do.
         wanted = tolerance * (_SHARE if size >= _MANY else 1)
-        limit = wanted if size < more[-1] else np.inf
+        limit = wanted if size < min(_MANY, more[-1]) else np.inf
         distance = contour_error_upto(limit, last.clay, before.clay) if both else np.inf
-        if distance <= wanted:
+        distances.append(distance if distance <= limit else np.inf)
+        if distances[-1] <= wanted:
             break
-    last = _with_levels(answers)
-    code = last.status_code
-    if last.status is Status.CONVERGED and not distance / _SHARE <= tolerance:
+    return _nearest(answers, np.array(distances) / _SHARE, tolerance)
+
+
+def _nearest(answers: list[Solution], errors: np.ndarray, tolerance: float) -> Solution:
+    """The last answer; where it is none, the best of those before, as unresolved."""
+    best = len(answers) - 1
+    if answers[-1].status is not Status.CONVERGED and np.isfinite(errors).any():
+        best = int(np.argmin(errors))
+    chosen, code = _with_levels(answers[: best + 1]), answers[best].status_code
+    if chosen.status is Status.CONVERGED and not errors[best] <= tolerance:
         code = np.asarray(Status.UNRESOLVED.value)
-    return dataclasses.replace(last, error_estimate=distance / _SHARE, status_code=code)
+    return dataclasses.replace(chosen, error_estimate=errors[best], status_code=code)
 
 
 def _next(found: Located, slices: int, answers: list[Solution]) -> Plan:

@@ -117,12 +117,17 @@ def _sessions(seed: int, material: Material) -> tuple[Clay, list[Session]]:
 
 
 def _squashed(clay: Clay, tool: Squash, material: Material, **how: Any) -> tuple[Clay, str]:
-    """The clay afterwards; where that is refused the clay as it was, and why."""
+    """The clay afterwards, and why it was refused if it was.
+
+    Then it is the clay as it was, or the one that an unresolved answer advises to go on with.
+    """
     try:
         answer = deform(clay, tool, material, **how)
     except ValueError as error:
         return clay, str(error)
-    return (answer.clay, "") if answer.status is Status.CONVERGED else (clay, answer.message)
+    if answer.status in (Status.CONVERGED, Status.UNRESOLVED):
+        return answer.clay, "" if answer.status is Status.CONVERGED else answer.message
+    return clay, answer.message
 
 
 def squash_often(seed: int, material: Material, tolerance: float) -> Clay:

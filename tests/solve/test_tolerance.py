@@ -1,5 +1,7 @@
 """As many slices as a tolerance needs, single squashes, sessions and batches of them."""
 
+import dataclasses
+
 import jax
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, contour_error, deform
+from jaxclay.schemes.slices.posing import located
 from jaxclay.solve import refining
 
 SCENES = [
@@ -51,7 +54,7 @@ def test_out_of_slices_the_answer_says_what_it_reached(monkeypatch):
     monkeypatch.setattr(refining, "SIZES", (32, 64))
     plan = refining.to_tolerance.__defaults__
     monkeypatch.setattr(refining.to_tolerance, "__defaults__", ((32, 64),))
-    assert plan == (tuple(32 << i for i in range(7)),)
+    assert plan == (tuple(32 << i for i in range(8)),)
     answer = deform(*SCENES[1], tolerance=1e-6)
     assert answer.status is Status.UNRESOLVED
     assert answer.certificate.accepted
@@ -169,3 +172,22 @@ def test_a_squash_without_room_is_infeasible_at_once():
     answer = deform(Clay.cylinder(), held, SNAKE, tolerance=1e-3)
     assert answer.status is Status.INFEASIBLE
     assert answer.levels.size == 0
+
+
+def test_where_finer_slices_fail_the_best_answer_before_is_told():
+    """As rounding may have it on clay squeezed into a wide lip."""
+    found = located(*SCENES[1])
+
+    def solve(wanted):
+        answer = jaxclay.minimize(wanted.problem, start=wanted.start)
+        fails = wanted.problem.slices > 1024
+        code = Status.STALLED.value if fails else answer.status_code
+        return dataclasses.replace(answer, status_code=np.asarray(code))
+
+    answer = refining.followed(refining.to_tolerance(found, 1e-8, (512, 1024, 2048)), solve)
+    assert (answer.status, answer.clay.slices) == (Status.UNRESOLVED, 1024)
+    exact = deform(*SCENES[1], slices=4096).raise_for_status()
+    error = contour_error(answer.clay, exact.clay)
+    assert 0.2 < answer.error_estimate / error < 5
+    told = float(answer.message.split("tolerance of ")[1].split(",")[0])
+    assert deform(*SCENES[1], tolerance=told).status is Status.CONVERGED
