@@ -126,7 +126,7 @@ def test_rough_shapes_are_refused(squash, material):
 
 def test_printed_rough_shape_has_no_positive_curvature():
     # A jump of radius makes the Hessian indefinite: nothing bounds what may be gained.
-    verdict = certify(*with_rough(cylinder_problem(REFERENCE, PRINTED)))
+    verdict = verdict_on(*with_rough(cylinder_problem(REFERENCE, PRINTED)))
     assert not verdict.positive
     assert verdict.decrement == verdict.step == np.inf
 
@@ -149,6 +149,6 @@ def test_free_energy_leaves_the_fixed_band_out():
 
 def test_clay_rests_where_the_tool_displaces_nothing():
     still = cylinder_problem(Squash(0.0, 0.25, 0.5), BARE)
-    verdict = certify(still, still.clay.heights)
+    verdict = verdict_on(still, still.clay.heights)
     assert verdict.accepted
     assert verdict.decrement == verdict.energy_free == 0
