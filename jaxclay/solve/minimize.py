@@ -61,8 +61,8 @@ def deform(
 ) -> Solution:
     """Squash the clay: pose (eqs. 10, 11), rough shape (12 to 19), minimum of E_total (9).
 
-    On the scheme "slices" newton solves twice, on four times as many slices, up to 512, then with
-    nodes where that answer bends; so the problem is the same for every method.
+    On the scheme "slices" newton solves twice, on 512 to 1024 slices, then with nodes where that
+    answer bends; so the problem is the same for every method.
 
     Parameters
     ----------

@@ -161,4 +161,4 @@ def test_as_printed_greedy_is_reported_as_stalled(name):
 
 
 def test_every_scene_of_the_paper_is_there():
-    assert {"reference", "fig4a", "fig4b", "fig4c", "fig5", "fig6", "fig7"} <= set(NAMED)
+    assert set(NAMED) == {"reference", "fig4a", "fig4b", "fig4c", "fig5", "fig6", "fig7"}

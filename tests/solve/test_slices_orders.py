@@ -45,7 +45,7 @@ def test_the_contour_is_of_second_order(name, material):
     # Three grids alone scatter by some 0.2; the slow test has four, up to 256.
     assert fitted >= 1.5, errors
     assert errors[1] < 1e-3
-    assert errors[2] < 3e-4  # what 90% of random squashes keep
+    assert errors[2] < 2e-4
 
 
 @pytest.mark.slow
@@ -61,11 +61,11 @@ def test_the_order_up_to_256_slices(name, material):
 def test_the_order_without_bending(name):
     """Friction's trapezoid rule is of first order where the displacement changes its sign.
 
-    So it does in two of the scenes, whose errors then hang on how near a node lies.
+    So it does in fig4a and the middle scene; a node from an answer on many slices lies there.
     """
     fitted, errors = order(name, NO_BENDING, (32, 64, 128, 256), 1024)
-    assert fitted >= (1.0 if name in ("fig4a", "middle") else 1.9), errors
-    assert errors[3] < 1.5e-4
+    assert fitted >= 1.9, errors
+    assert errors[3] < 2e-5
 
 
 @pytest.mark.parametrize("name", ["reference", "fig4b", "fig4c"])
