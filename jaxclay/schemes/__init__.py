@@ -5,8 +5,9 @@
     spline   a B-spline of the displacement: an independent check
 
 ``base``: what every scheme gives to the methods.  ``posing``: :func:`jaxclay.pose`.  ``sums``,
-``problem``, ``system``: what both schemes in heights share.  ``rough``: the sliced cylinder model's
-shape.  ``energies``: E_total and its terms.  ``resolution``: how many slices float64 resolves.
+``problem``, ``system``, ``folding``: what both schemes in heights share.  ``rough``: the sliced
+cylinder model's shape.  ``energies``: E_total and its terms.  ``resolution``: how many slices
+float64 resolves.
 
 It may import ``numerics``, ``clay`` and ``model``.
 """

@@ -14,8 +14,9 @@ from jaxclay.model.material import Material
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import kept, pytree
 from jaxclay.schemes import sums
+from jaxclay.schemes.folding import system_of
 from jaxclay.schemes.sums import Point, Sums
-from jaxclay.schemes.system import System, system_of
+from jaxclay.schemes.system import System
 
 
 @pytree

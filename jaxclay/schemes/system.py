@@ -19,13 +19,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay.model.band import Rest
-from jaxclay.model.material import Material
 from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.schemes.base import Pull
-from jaxclay.schemes.sums import Point, Sums
+from jaxclay.schemes.sums import Point
 
 
 class Linear(NamedTuple):
@@ -135,8 +133,7 @@ class System(NamedTuple):
         slices = self.strain * stretch * stretch + self.slope * d * d
         between = self.tension * step * step + self.change * bent * bent
         return (
-            0.5
-            * (slices + _padded(between, 0, 1) + _padded(self.turn * turned * turned, 0, 2)).sum()
+            0.5 * (slices + padded(between, 0, 1) + padded(self.turn * turned * turned, 0, 2)).sum()
         )
 
     def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
@@ -158,9 +155,9 @@ class System(NamedTuple):
         per = 1 / self.width
         first = X1 * X1 * own + bend + self.strain / (self.rest_thickness * self.rest_thickness)
         first += per * per * (self.slope + _to_nodes(self.change, 1))
-        beside = X1 * _padded(X1, -1, 1) * beside
-        beside -= per * _padded(per, -1, 1) * _padded(self.change, 0, 1)
-        second = X1 * _padded(X1, -2, 2) * second
+        beside = X1 * padded(X1, -1, 1) * beside
+        beside -= per * padded(per, -1, 1) * padded(self.change, 0, 1)
+        second = X1 * padded(X1, -2, 2) * second
         gradient = self._gradient(point, d, X1, by_radius)
         return Model(self.free_smooth(point), gradient, (first, beside, second, bend))
 
@@ -187,8 +184,8 @@ class System(NamedTuple):
     def matrix(self, bands: Any, linear: Linear) -> Array:
         """(4, n+1) the Hessian by heights in bands, the identity where nodes are not kept."""
         first, second, third, _ = bands
-        here = [_padded(first + linear.between, 0, 1), _padded(second, 0, 1), _padded(third, 0, 1)]
-        before = [_padded(band, 1, -1) for band in here]
+        here = [padded(first + linear.between, 0, 1), padded(second, 0, 1), padded(third, 0, 1)]
+        before = [padded(band, 1, -1) for band in here]
         keep = linear.keep
         rows = (
             here[0] + before[0] - 2 * before[1] + linear.at_nodes,
@@ -196,7 +193,7 @@ class System(NamedTuple):
             before[2] - here[1] + here[2],
             -here[2],
         )
-        masked = [keep * row * _padded(keep, -k, k) for k, row in enumerate(rows)]
+        masked = [keep * row * padded(keep, -k, k) for k, row in enumerate(rows)]
         return jnp.stack([masked[0] + (1 - keep), *masked[1:]])
 
     def newton_step(self, _point: Point, bands: Any, pull: Pull) -> tuple[Array, Array]:
@@ -219,13 +216,13 @@ class System(NamedTuple):
         between, at_nodes, force, keep = linear
         factor, forward = banded.reduced(self.matrix(bands, linear), force)
         inner, end = (
-            _padded((forward / factor.pivots)[:-1], 0, 1),
-            _padded(jnp.ones(1), force.shape[0] - 1, 0),
+            padded((forward / factor.pivots)[:-1], 0, 1),
+            padded(jnp.ones(1), force.shape[0] - 1, 0),
         )
         held, follow = jax.vmap(banded.substituted, (None, 0))(factor, jnp.stack([inner, end]))
-        q = _padded(_differences(keep * follow), 0, 1)
+        q = padded(_differences(keep * follow), 0, 1)
         first, second, third, _ = bands
-        rise = (first + between) * q[:-1] + 2 * second * q[1:] + 2 * third * _padded(q[1:], -1, 1)
+        rise = (first + between) * q[:-1] + 2 * second * q[1:] + 2 * third * padded(q[1:], -1, 1)
         pivot = (q[:-1] * rise + (at_nodes * follow * follow)[1:]).sum()
         pivot = pivot * keep[-1] + (1 - keep[-1])
         positive = (jnp.min(factor.pivots[:-1]) > 0) & (pivot > 0)
@@ -254,61 +251,11 @@ class System(NamedTuple):
         return Point(jnp.where(home, self.rest_thickness, moved.thickness), shift)
 
 
-def system_of(
-    rest: Rest, sums: Sums, material: Material, free: Array, target: Array, upper: Array
-) -> System:
-    """The system of a rest shape whose ``free`` nodes (n+1,) move and the others to ``target``.
-
-    ``upper`` (n,): whether a slice lies above the band's lower edge.
-    """
-    xp = namespace(rest, sums, material, free, target, upper)
-    loose = free[1:] | free[:-1]
-    limit = free * (material.mu * sums.nodes)
-    between = loose[1:] | loose[:-1]
-    turning = between[1:] | between[:-1]
-    apart = 1 / sums.apart
-    weight = between * sums.between * apart * apart
-    tension, change = 2 * material.alpha * weight, 2 * material.beta * weight
-    turn = 2 * material.beta * turning / sums.turn
-    return System(
-        free=1.0 * free,
-        target=target,
-        friction_limit=limit,
-        upper=1.0 * upper,
-        width=sums.width,
-        rest_thickness=rest.thickness,
-        floor=loose * (material.floor * rest.thickness),
-        strain=loose * sums.slices * material.k,
-        slope=2 * material.alpha * loose * sums.slices,
-        radii=_by_radii(apart, tension, turn),
-        apart=apart,
-        tension=tension,
-        change=change,
-        turn=turn,
-        r0=rest.r0,
-        k=material.k,
-        mu=material.mu,
-        friction_total=xp.maximum(limit.sum(), 1e-300),
-    )
-
-
-def _by_radii(apart: Array, tension: Array, turn: Array) -> tuple[Array, Array, Array]:
-    """d^2E / dX^2 in bands (n,)."""
-    near, far = apart[:-1], apart[1:]
-    both = near + far
-    own = _padded(tension, 0, 1) + _padded(tension, 1, 0)
-    own += _padded(turn * near * near, 0, 2) + _padded(turn * both * both, 1, 1)
-    own += _padded(turn * far * far, 2, 0)
-    beside = _padded(tension, 0, 1) + _padded(turn * near * both, 0, 2)
-    beside += _padded(turn * far * both, 1, 1)
-    return own, -beside, _padded(turn * near * far, 0, 2)
-
-
 def _differences(values: Array) -> Array:
     return values[1:] - values[:-1]
 
 
-def _padded(values: Array, low: int, high: int) -> Array:
+def padded(values: Array, low: int, high: int) -> Array:
     """With zeros before and after; with fewer entries where a number is negative."""
     if namespace(values) is np:
         whole = np.zeros(len(values) + low + high)
@@ -321,4 +268,4 @@ def _padded(values: Array, low: int, high: int) -> Array:
 
 def _to_nodes(forces: Array, sign: int = -1) -> Array:
     """D^T forces, what forces on differences do to what they are differences of; or their sum."""
-    return _padded(forces, 1, 0) + sign * _padded(forces, 0, 1)
+    return padded(forces, 1, 0) + sign * padded(forces, 0, 1)
