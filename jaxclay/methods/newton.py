@@ -22,7 +22,7 @@ import numpy as np
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_concrete, pytree
-from jaxclay.schemes.base import SMALL, AnyPoint, Forces, Newtonian, Pull, no_forces
+from jaxclay.schemes.base import DECREMENT, SMALL, AnyPoint, Forces, Newtonian, Pull, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
@@ -30,6 +30,7 @@ _WARM_GAIN = 1e-6  # what there is to gain from a minimum close by, over E_free
 _RESTS = 1e-13  # displacement over the unit l within which clay is put back to rest
 _SETTLED = 1e-2  # of the tolerance: where the last nodes begin to move, gains mislead
 _ROUNDING = 1e-17  # first shift of a matrix that is not positive definite, over its largest entry
+_HELD = DECREMENT / 2  # of the energy: what the barrier's last weights cost where the floor pushes
 _EAGER = 1e-3  # barrier weight over promised gain
 _BACKTRACKS = 14
 _TO_BOUNDARY = 0.99  # of the way to the floor that a step may go
@@ -117,8 +118,11 @@ def asked(problem: Newtonian, state: State, model: Any) -> Pull:
     point, (lam, z), memory = state.point, state.forces, state.memory
     limit, d = problem.friction_limit, point.shift
     energy = model.value + limit @ jnp.abs(d)
-    weight = _barrier(problem, energy, memory)
     phi, room = jnp.sqrt(d * d + memory.eps * memory.eps), problem.slack(point)
+    # Where the floor pushes hard its last weight leaves a slack well above rounding.
+    pushes = z * problem.rest_thickness
+    hard = pushes / jnp.maximum(pushes.sum(), energy)
+    weight = _barrier(problem, energy, memory) + _HELD * energy * hard
     force = model.gradient + problem.from_shift(limit * d / phi)
     force -= problem.from_thickness(weight / room)
     curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
@@ -151,7 +155,7 @@ def taken(
     lost = positive & (length == 0)
     stuck = lost & (memory.failures > 0)  # with Gauss and Newton's matrix as well
     near = positive & ((gain <= 0.1 * smoothing + gate) | stuck)
-    held_back = smoothing + pull.weight * problem.floor.shape[0]  # by smoothing and barrier
+    held_back = smoothing + pull.weight.sum()  # by smoothing and barrier
     last = (eps <= settings.smoothing) | (held_back <= gate)
     finished = near & last & ((gain <= _SETTLED * gate) | lost)
     smaller = jnp.minimum(jnp.minimum(0.1 * eps, eps * jnp.sqrt(eps)), gain / total)
@@ -165,7 +169,7 @@ def taken(
 def _line_search(problem, point, value, delta, gain, eps, weight, wanted) -> Array:
     """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
     here = value + problem.kinks(point, eps, weight)
-    rounding = 1e-13 * jnp.abs(here)
+    rounding = 1e-12 * jnp.abs(here)
 
     def go_on(carry):
         _, fails, tries = carry
@@ -201,7 +205,7 @@ def _floor_step(problem, point, z, delta, weight) -> Array:
 def _barrier(problem: Newtonian, energy: Array, memory: Memory) -> Array:
     """Weight of the floor's logarithms: high while much is to be gained, and falling with eps.
 
-    Its least value keeps the slack above rounding and is no matter to the certificate.
+    Its least value is no matter to the certificate.
     """
     xp = namespace(energy)
     least = 1e-12 * xp.maximum(energy, SMALL)

@@ -37,7 +37,7 @@ class Pull(NamedTuple):
     """What a step asks of the linear model: curvatures beside the Hessian's own, and the force.
 
     ``shift`` times the Hessian's largest entry is added everywhere; where ``gauss`` is 1 the
-    Hessian is that of Gauss and Newton.  ``energy`` is E_free, ``weight`` the barrier's.
+    Hessian is that of Gauss and Newton.  ``energy`` is E_free, ``weight`` (s,) the barrier's.
     """
 
     floor: Array
@@ -130,7 +130,7 @@ class Newtonian(Minimisable, Protocol):
         ...
 
     def kinks(self, point: Any, eps: Array, weight: Array, /) -> Array:
-        """Friction, smoothed over the length eps, and ``weight`` times minus the log of slacks."""
+        """Friction, smoothed over the length eps, less ``weight`` (s,) times the log of slacks."""
         ...
 
     def smooth_model(self, point: Any, /) -> Any:

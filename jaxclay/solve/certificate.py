@@ -30,7 +30,7 @@ from jaxclay.schemes.system import Linear, System
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-_PENALTY = 1e4  # over the Hessian's largest entry
+_PENALTY = 1e4  # over the Hessian's entry there: a larger one would drown the others' in rounding
 _TURNS = 5  # for each pair of forces, of which all but the last read off those of the floor
 _LAST = _TURNS * (2 + len(_AT_REST))
 _ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
@@ -176,18 +176,28 @@ class Search(NamedTuple):
         """Whether a pair passes or none is left."""
         return (self.turn >= _LAST) | self.best.passes(self.energy_free)
 
+    def refuses_own(self, before: Search) -> Array:
+        """Whether this turn, the one after ``before``, has refused the solver's own forces."""
+        return (before.turn < _TURNS) & (self.turn >= _TURNS) & ~self.over
+
+    @property
+    def reading(self) -> Array:
+        """How often floor forces have been read off for this pair."""
+        return jax.lax.rem(self.turn, _TURNS)
+
     @property
     def reads(self) -> Array:
         """Whether this turn reads off floor forces."""
-        return self.turn % _TURNS < _TURNS - 1
+        return self.reading < _TURNS - 1
 
     def forces(self, system: System, point: Point, gradient, own: Forces) -> Forces:
         """The pair of this turn, floor forces as far as they are read off."""
-        d, limit, i = point.shift, system.friction_limit, self.turn // _TURNS
+        d, limit = point.shift, system.friction_limit
+        i = jax.lax.div(self.turn, _TURNS)
         threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
         moves = abs(d) > threshold
         read = jnp.where(i < 2, own.friction, jnp.where(moves, limit * jnp.sign(d), -gradient))
-        floor = jnp.where(i == 0, own.floor, self.floor * (self.turn % _TURNS > 0))
+        floor = jnp.where(i == 0, own.floor, self.floor * (self.reading > 0))
         floor = jnp.where(self.reads, floor, jnp.maximum(floor, 0.0))
         return Forces(jnp.maximum(jnp.minimum(read, limit), -limit), floor)
 
@@ -242,7 +252,7 @@ def taken(
     holds = ~positive & ~drops & ~search.held & (touching > 0)
     following = search.turn + jnp.where(search.reads | (touching > 0), 1, _TURNS)
     following = jnp.where(positive, following, _LAST)
-    rises = _penalties(system, point, model) * system.thickness_change(answer)
+    rises = linear.between * system.thickness_change(answer)
     return Search(
         turn=jnp.where(drops | holds, search.turn, following),
         floor=jnp.where(positive & search.reads, floor + rises, 0.0),
@@ -256,7 +266,8 @@ def taken(
 
 def _penalties(system: System, point: Point, model: Model) -> Array:
     """(n,) their strength on the slices at the floor."""
-    return touches_floor(system, point) * (_PENALTY * jnp.max(abs(model.bands[0])))
+    first, *_, bend = model.bands
+    return touches_floor(system, point) * (_PENALTY * jnp.maximum(first, first - bend))
 
 
 def _admissible(system: System, point: Point) -> Array:

@@ -25,12 +25,15 @@ from jaxclay.schemes.system import System
 from jaxclay.solve import certificate
 from jaxclay.solve.certificate import Certificate, Search
 
+_AGAIN = 3  # times that Newton goes on where its own forces are refused
+
 
 class _Carry(NamedTuple):
     state: State
     finite: Array  # whether the last step was
     certifying: Array
     search: Search
+    again: Array  # how often Newton has gone on since its forces were refused
 
 
 def certified_newton(
@@ -42,7 +45,7 @@ def certified_newton(
     """
 
     def body(carry: _Carry) -> _Carry:
-        state, finite, certifying, search = carry
+        state, finite, certifying, search, again = carry
         model = system.smooth_model(state.point)
         pull = newton.asked(system, state, model)
         stepping = system.linear(model.bands, pull)
@@ -57,13 +60,17 @@ def certified_newton(
         finished = state.finished | (new.finished & finite)
         iterations = state.iterations + jnp.where(certifying | ~finite, 0, 1)
         ends = finished | ~finite | (iterations >= settings.max_iterations)
-        new = new._replace(finished=finished, iterations=iterations)
-        return _Carry(new, finite, certifying | ends, _either(certifying, after, search))
+        # Gains of a side whose bending dwarfs the other's end before that one is at its minimum.
+        more = state.finished & certifying & after.refuses_own(search) & (again < _AGAIN)
+        new = new._replace(finished=finished & ~more, iterations=iterations)
+        search = _either(certifying & ~more, after, search)
+        return _Carry(new, finite, (certifying | ends) & ~more, search, again + more)
 
     def go_on(carry: _Carry) -> Array:
         return ~(carry.certifying & carry.search.over)
 
-    start = _Carry(first, feasible, first.finished | ~feasible, certificate.first_search(system))
+    over = first.finished | ~feasible
+    start = _Carry(first, feasible, over, certificate.first_search(system), jnp.asarray(0))
     last = jax.lax.while_loop(go_on, body, start)
     return last.state, last.finite | ~feasible, last.search
 

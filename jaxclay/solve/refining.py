@@ -57,17 +57,18 @@ def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES)
     """
     first, *more = sizes
     answers = [(yield from _next(found, first, []))]
-    distances = [np.inf]  # of each answer from the one before
+    distances = [np.inf]  # of each answer from the last one before it that converged
     for size in more:
         if answers[-1].status is Status.INFEASIBLE:
             break
+        before = [answer for answer in answers if answer.status is Status.CONVERGED]
         answers.append((yield from _next(found, size, answers)))
-        last, before = answers[-1], answers[-2]
-        both = last.status is Status.CONVERGED and before.status is Status.CONVERGED
+        last = answers[-1]
+        both = last.status is Status.CONVERGED and bool(before)
         # So many that as many again would not fit: the estimate alone must do.
         wanted = tolerance * (_SHARE if size >= _MANY else 1)
         limit = wanted if size < min(_MANY, more[-1]) else np.inf
-        distance = contour_error_upto(limit, last.clay, before.clay) if both else np.inf
+        distance = contour_error_upto(limit, last.clay, before[-1].clay) if both else np.inf
         distances.append(distance if distance <= limit else np.inf)
         if distances[-1] <= wanted:
             break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import math
 from typing import Any, NamedTuple
 
 from jaxclay.clay import text
@@ -190,10 +191,16 @@ class Solution:
         on_slices = hasattr(self.problem, "slices")
         if self.status is Status.UNRESOLVED and self.error_estimate is not None:
             error = float(self.error_estimate)
+            known = (
+                f"the estimate of the contour's error is {error:.2g}. Ask for a tolerance of "
+                f"{1.1 * error:.2g}"
+                if math.isfinite(error)
+                else "no two answers are close enough to say how far off this one is. Give "
+                f"slices={self.problem.slices} instead of a tolerance"
+            )
             return (
-                f"{self.method}: unresolved: the tolerance cannot be reached; the estimate of the "
-                f"contour's error is {error:.2g}. Ask for a tolerance of {1.1 * error:.2g}, or use "
-                "this clay as it is"
+                f"{self.method}: unresolved: the tolerance cannot be reached; {known}, or use this "
+                "clay as it is"
             )
         if self.status is Status.UNRESOLVED and not on_slices:
             return (

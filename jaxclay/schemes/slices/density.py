@@ -20,6 +20,8 @@ from jaxclay.numerics.interpolation import Interpolant, last_before
 _SMOOTHED = 1
 _FLOOR = 0.15  # of the mean density
 _AT_ENDS, _END = 0.05, 0.02  # what the clay's ends get of the slices, and how far they reach
+_OF_SIDE = 0.1  # and at most of a side
+_STRAINED, _MUCH = 0.1, 4.0  # share for changes of slope, where they add up to e^4
 _UNDER = 0.1  # density under the tool before solving
 _THINNEST_LAYER = 1e-3  # share of the clay
 _STRAIGHT = 1e-2  # total of a density that is rounding, or matters to no contour
@@ -115,18 +117,30 @@ def _density(even, middle, values, bent: float, at, length, amount, under=-1.0) 
     return Density(even, middle, scale * values, scale * below, at, length, amount, under)
 
 
-def before_solving(rest: Interpolant, r0: Array, edges: Array, band: Band, layers: Array):
+def before_solving(
+    rest: Interpolant, r0: Array, edges: Array, band: Band, layers: Array, material: Material
+) -> Density:
     """The density of the rest shape, broken at its edges, and of ``layers`` (2,) at the band's."""
-    xp = namespace(rest, r0, edges, band, layers)
+    xp = namespace(rest, r0, edges, band, layers, material)
     at = xp.stack([band.lower, band.upper])
     # A layer's sides decay over two lengths of it.
     half = xp.where((at > 0) & (at < 1), 0.5, 0.0)
     middle, values = bends(rest.nodes, rest.thickness, r0, edges)
+    width = rest.nodes[1:] - rest.nodes[:-1]
+    values = _kept(values, width, layer_of(rest.thickness / width, r0, material))
     return _density(_FLOOR, middle, values, 0.5, at, 2 * layers, half, _UNDER)
 
 
+def _kept(values: Array, width: Array, layers: Array) -> Array:
+    """The density (n,) of a rest shape, no closer than all its slices in one layer.
+
+    What is closer will be smoothed away, and rounding would hide how soft such slices are.
+    """
+    return namespace(values, width, layers).minimum(values, (values * width).sum() / layers)
+
+
 def layer_of(slope: Array, r0: Array, material: Material) -> Array:
-    """The same where Y0_u over l is ``slope``."""
+    """Share of the clay over which smoothing rounds a step where Y0_u over l is ``slope``."""
     xp = namespace(slope, r0, material)
     c = (1 + r0**2 / (4 * slope**3)) * slope**2 / material.k
     # Guarded, since the square root has no derivative at 0.
@@ -136,12 +150,31 @@ def layer_of(slope: Array, r0: Array, material: Material) -> Array:
     return xp.clip(xp.maximum(la, lb), _THINNEST_LAYER, 1.0)
 
 
-def after_solving(nodes: Array, thickness: Array, r0: Array, band: Band) -> Density:
-    """The density of an answer's contour; its ends are extrapolated over half a slice."""
-    xp = namespace(nodes, thickness, r0, band)
+def after_solving(
+    nodes: Array, thickness: Array, r0: Array, band: Band, rest_thickness: Array, material: Material
+) -> Density:
+    """The density of an answer's contour, and of the changes of slope that its strain comes from.
+
+    The clay's ends are extrapolated over half a slice.
+    """
+    xp = namespace(nodes, thickness, r0, band, rest_thickness, material)
+    width = nodes[1:] - nodes[:-1]
     middle, values = bends(nodes, thickness, r0, xp.stack([band.lower, band.upper]))
-    total, two = 1 - _FLOOR - _AT_ENDS, xp.ones(2)
-    return _density(_FLOOR, middle, values, total, xp.arange(2.0), _END * two, _AT_ENDS * two)
+    changes = _changes(rest_thickness / width, width, r0, material)
+    share = _STRAINED * (values * width).sum() / xp.maximum((changes * width).sum(), _MUCH)
+    values = values + share * changes
+    sides = xp.stack([band.lower, 1 - band.upper])
+    reach = xp.where(sides > 0, xp.minimum(_END, _OF_SIDE * sides), _END)
+    total, ends = 1 - _FLOOR - _AT_ENDS, xp.arange(2.0)
+    return _density(_FLOOR, middle, values, total, ends, reach, _AT_ENDS * xp.ones(2))
+
+
+def _changes(slope: Array, width: Array, r0: Array, material: Material) -> Array:
+    """(n,) how fast the logarithm of the rest shape's slope changes, as far as a layer keeps it."""
+    xp = namespace(slope, width, r0, material)
+    change, none = abs(xp.diff(xp.log(slope))), xp.zeros(1)
+    rate = xp.concatenate([none, change]) + xp.concatenate([change, none])
+    return _kept(rate / (2 * width), width, layer_of(slope, r0, material))
 
 
 def even() -> Density:

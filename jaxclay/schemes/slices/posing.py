@@ -159,7 +159,9 @@ def _density(found: Located, spacing: str) -> densities.Density:
     if spacing == "equal":
         return densities.even()
     edges = found.clay.edges[:, 0]
-    return densities.before_solving(found.rest, found.r0, edges, found.band, found.layers)
+    return densities.before_solving(
+        found.rest, found.r0, edges, found.band, found.layers, found.material
+    )
 
 
 def pose_on_host(found: Located, slices: Any, spacing: str, answer: Any = None) -> Problem:
@@ -187,7 +189,9 @@ def pose_on_host(found: Located, slices: Any, spacing: str, answer: Any = None) 
         marks = _jumps(found.clay)
     else:
         nodes, thickness = answer.problem.rest.material, answer.point.thickness
-        density = densities.after_solving(nodes, thickness, found.r0, band)
+        density = densities.after_solving(
+            nodes, thickness, found.r0, band, answer.problem.rest.thickness, found.material
+        )
         rests = found_rest(found, answer)
         marks = np.concatenate([_jumps(found.clay), _turns(answer)])
     pieces, tool = layout.stretches(found.clay, band, rests)

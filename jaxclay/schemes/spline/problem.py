@@ -155,7 +155,7 @@ class SplineProblem:
     def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
         """Energy of friction smoothed by eps, and of the floor's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift**2 + eps**2)
-        return jnp.sum(smoothed) - weight * jnp.sum(jnp.log(self.slack(point)))
+        return jnp.sum(smoothed) - jnp.sum(weight * jnp.log(self.slack(point)))
 
     def slack(self, point: Point) -> Array:
         """(S * 4,) Y_u above the floor."""
