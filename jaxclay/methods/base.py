@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.checks import as_number
-from jaxclay.schemes.base import AnyPoint, Forces
+from jaxclay.schemes.base import AnyDisplaced, Forces
 
 
 class State(NamedTuple):
@@ -15,7 +15,7 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    point : AnyPoint
+    point : AnyDisplaced
         The shape.
     forces : Forces
         Its multipliers; zeros where the method knows none.
@@ -27,7 +27,7 @@ class State(NamedTuple):
         What the next step needs besides.
     """
 
-    point: AnyPoint
+    point: AnyDisplaced
     forces: Forces
     iterations: Array
     finished: Array

@@ -34,7 +34,7 @@ from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import is_concrete, pytree
 from jaxclay.schemes.base import no_forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _ROUNDING = 1e-12  # of the energy: a smaller fall is none
 
@@ -81,7 +81,7 @@ class _Slices(NamedTuple):
     energy: Array
 
 
-def init(problem: Problem, start: Point, settings: LatticeSettings) -> State:
+def init(problem: Problem, start: Displaced, settings: LatticeSettings) -> State:
     """Lay the widest lattice around the start."""
     nothing_to_do = ~jnp.any(problem.free)
     spacing = jnp.asarray(settings.spacing)
@@ -106,7 +106,7 @@ def step(problem: Problem, state: State, settings: LatticeSettings) -> State:
     )
 
 
-def label_steps(problem: Problem, point: Point, spacing: Array, labels: int) -> Array:
+def label_steps(problem: Problem, point: Displaced, spacing: Array, labels: int) -> Array:
     """(n+1, m) steps of each node from the point to its labels; a fixed node's are all 0.
 
     They are even but for one: of the labels other than the present height, the
@@ -120,7 +120,7 @@ def label_steps(problem: Problem, point: Point, spacing: Array, labels: int) -> 
     return jnp.where(problem.free[:, None], jnp.where(nearest & in_reach, home, even), 0.0)
 
 
-def best_on_lattice(problem: Problem, point: Point, steps: Array) -> tuple[Array, Array]:
+def best_on_lattice(problem: Problem, point: Displaced, steps: Array) -> tuple[Array, Array]:
     """The step (n+1,) to the contour of least E_total on a lattice, and that E_total.
 
     ``point`` is a contour above the floor, and ``steps`` (n+1, m) lead from it to the
@@ -153,7 +153,7 @@ def best_on_lattice(problem: Problem, point: Point, steps: Array) -> tuple[Array
     return jnp.take_along_axis(steps, labels[:, None], axis=1)[:, 0], jnp.min(last) + constant
 
 
-def _slices(problem: Problem, point: Point, steps: Array) -> _Slices:
+def _slices(problem: Problem, point: Displaced, steps: Array) -> _Slices:
     m, sums = problem.material, problem.sums
     t = point.thickness[:, None, None] + steps[1:, None, :] - steps[:-1, :, None]
     t0 = problem.rest.thickness[:, None, None]

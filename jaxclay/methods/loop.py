@@ -11,7 +11,7 @@ import numpy as np
 from jaxclay.methods import METHODS
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import compiled
-from jaxclay.schemes.base import AnyPoint, AnyProblem, Forces, no_forces
+from jaxclay.schemes.base import AnyDisplaced, AnyProblem, Forces, no_forces
 
 
 class Start(NamedTuple):
@@ -19,7 +19,7 @@ class Start(NamedTuple):
 
     Attributes
     ----------
-    point : AnyPoint
+    point : AnyDisplaced
     forces : Forces
         Multipliers; they count where ``warm``.
     warm : bool
@@ -41,7 +41,7 @@ class Outcome(NamedTuple):
     finite: Array
 
 
-def cold(problem: AnyProblem, point: AnyPoint) -> Start:
+def cold(problem: AnyProblem, point: AnyDisplaced) -> Start:
     """A start of which only the shape is known."""
     return Start(point, no_forces(problem), np.asarray(False))
 
@@ -83,5 +83,5 @@ def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, metho
     return Outcome(state.point, state.forces, state.iterations, state.finished, finite)
 
 
-def _finite(point: AnyPoint) -> Array:
+def _finite(point: AnyDisplaced) -> Array:
     return jnp.all(jnp.isfinite(point.thickness)) & jnp.all(jnp.isfinite(point.shift))

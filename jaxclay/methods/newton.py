@@ -22,7 +22,7 @@ import numpy as np
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_concrete, pytree
-from jaxclay.schemes.base import SMALL, AnyPoint, Forces, Newtonian, Pull, no_forces
+from jaxclay.schemes.base import SMALL, AnyDisplaced, Forces, Newtonian, Pull, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
@@ -78,13 +78,13 @@ class Memory(NamedTuple):
     failures: Array
 
 
-def init(problem: Newtonian, start: AnyPoint, settings: NewtonSettings) -> State:
+def init(problem: Newtonian, start: AnyDisplaced, settings: NewtonSettings) -> State:
     """Start off the floor, with multipliers that fit the smoothing."""
     return resume(problem, start, no_forces(problem), np.asarray(False), settings)
 
 
 def resume(
-    problem: Newtonian, start: AnyPoint, forces: Forces, warm: Array, settings: NewtonSettings
+    problem: Newtonian, start: AnyDisplaced, forces: Forces, warm: Array, settings: NewtonSettings
 ) -> State:
     """The same; where the start is a minimum close by, with the multipliers there."""
     xp = namespace(problem.friction_limit, start.shift, forces.friction, warm)
@@ -185,7 +185,7 @@ def _line_search(problem, point, value, delta, gain, eps, weight, wanted) -> Arr
     return jnp.where(fails | (tries == 0), 0.0, length)
 
 
-def _longest(problem: Newtonian, point: AnyPoint, delta: Array) -> Array:
+def _longest(problem: Newtonian, point: AnyDisplaced, delta: Array) -> Array:
     """Largest step up to 1 that stays well above the floor."""
     shrinks = jnp.max(-problem.thickness_change(delta) / problem.slack(point))
     return _TO_BOUNDARY / jnp.maximum(shrinks, _TO_BOUNDARY)
@@ -209,7 +209,7 @@ def _barrier(problem: Newtonian, energy: Array, memory: Memory) -> Array:
     return (least + smoothing + _EAGER * memory.gain) / problem.floor.shape[0]
 
 
-def _interior(problem: Newtonian, start: AnyPoint) -> AnyPoint:
+def _interior(problem: Newtonian, start: AnyDisplaced) -> AnyDisplaced:
     """The start, drawn off the floor if it touches."""
     xp = namespace(problem.friction_limit, start.shift)
     touches = xp.min(problem.slack(start) / problem.rest_thickness) < 1e-3

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.base import DECREMENT, SMALL, Forces
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.spline.space import Point
+from jaxclay.schemes.spline.space import Displaced
 
 _LADDER = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # eps, over the unit l
 _TIGHT = 1e-7  # from which stages end at the tolerance, and the solve may
@@ -37,7 +37,7 @@ class Penalties(NamedTuple):
 
     Attributes
     ----------
-    base : Point
+    base : Displaced
         Where it starts.
     number : int
         From 0.
@@ -47,7 +47,7 @@ class Penalties(NamedTuple):
         The floor's multiplier, energy over stretch and clay; not negative.
     """
 
-    base: Point
+    base: Displaced
     number: Array
     friction: Array
     floor: Array
@@ -79,7 +79,7 @@ class Penalties(NamedTuple):
         """(S * 6,) force of friction's penalties over mu."""
         return jnp.clip(self.friction + shift / self.eps, -1.0, 1.0)
 
-    def pushed(self, problem: SplineProblem, point: Point) -> Array:
+    def pushed(self, problem: SplineProblem, point: Displaced) -> Array:
         """(S * 4,) force of the floor's penalties, energy over stretch and clay."""
         stretch = problem.slack(point) / problem.rest_thickness
         return jnp.maximum(self.floor - self._floor_stiffness(problem) * stretch, 0.0)
@@ -87,7 +87,7 @@ class Penalties(NamedTuple):
     def _floor_stiffness(self, problem: SplineProblem) -> Array:
         return _FLOOR * problem.material.k * 10.0**self._rung
 
-    def energy(self, problem: SplineProblem, point: Point) -> Array:
+    def energy(self, problem: SplineProblem, point: Displaced) -> Array:
         """E_free with friction and floor as penalties; finite everywhere."""
         # Half the floor is far outside, but the radius is still finite there.
         Y_u = jnp.maximum(point.thickness, problem.floor / 2)
@@ -107,13 +107,13 @@ class Penalties(NamedTuple):
         pushes = problem.loose & (self.pushed(problem, self.base) > 0)
         return jnp.where(pushes, stiffness / problem.rest_thickness**2, 0.0), friction
 
-    def forces(self, problem: SplineProblem, point: Point) -> Forces:
+    def forces(self, problem: SplineProblem, point: Displaced) -> Forces:
         """What the penalties hold."""
         floor = problem.space.weight * self.pushed(problem, point) / problem.rest_thickness
         friction = problem.friction_limit * self.held(point.shift)
         return Forces(friction, jnp.where(problem.loose, floor, 0.0))
 
-    def left(self, problem: SplineProblem, point: Point, tolerance: Array) -> Array:
+    def left(self, problem: SplineProblem, point: Displaced, tolerance: Array) -> Array:
         """Energy that may be left to gain when the stage ends.
 
         The tolerance of E_free, or while eps is large a share of what that changes.
@@ -123,14 +123,14 @@ class Penalties(NamedTuple):
         return jnp.maximum(energy, jnp.where(self.tight, 0.0, 1e-2 * smoothing))
 
 
-def first_penalties(problem: SplineProblem, start: Point) -> Penalties:
+def first_penalties(problem: SplineProblem, start: Displaced) -> Penalties:
     """The softest ones, without multipliers."""
     friction, floor = jnp.zeros_like(problem.friction_limit), jnp.zeros_like(problem.floor)
     return Penalties(start, jnp.asarray(0), friction, floor)
 
 
 def next_penalties(
-    problem: SplineProblem, point: Point, stage: Penalties
+    problem: SplineProblem, point: Displaced, stage: Penalties
 ) -> tuple[Penalties, Array]:
     """The next eps with the penalties' forces for multipliers; also whether these agree.
 

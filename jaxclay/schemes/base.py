@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from jaxclay.numerics.arrays import Array, namespace
 
-AnyPoint = Any  # a shape as a scheme holds it
+AnyDisplaced = Any  # a displaced shape as a scheme holds it: a point, for a minimiser
 
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
@@ -167,7 +167,7 @@ class AnyProblem(Minimisable, Protocol):
         ...
 
     def point(self, unknowns: Array, /) -> Any:
-        """Heights (n+1,), in the clay's length unit, or coefficients (N,) as a point."""
+        """Heights (n+1,), in the clay's length unit, or coefficients (N,) as a displaced shape."""
         ...
 
     def terms(self, point: Any, /) -> Any:
@@ -185,7 +185,7 @@ def no_forces(problem: Minimisable) -> Forces:
     return Forces(xp.zeros_like(problem.friction_limit), xp.zeros_like(problem.floor))
 
 
-def lifted(problem: AnyProblem, point: AnyPoint) -> AnyPoint:
+def lifted(problem: AnyProblem, point: AnyDisplaced) -> AnyDisplaced:
     """The point moved no further than needed for every slice to reach the floor."""
     xp = namespace(problem.shift, point)
     even = problem.evened(point, 1.0).thickness

@@ -23,7 +23,7 @@ from jaxclay.numerics.host import (
 )
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.edges import with_jumps
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _CASES = ("none", "I", "II", "III")
 
@@ -40,7 +40,7 @@ class RoughShape:
     nodes : (n+1,) array
         Material coordinates u_i of these heights; with the scheme "spline" the nodes of the
         answer's clay.
-    point : Point
+    point : Displaced
         The same over l, as solvers hold it.
     reach : float
         u1, the material coordinate beyond which the clay above the band rests
@@ -62,7 +62,7 @@ class RoughShape:
 
     heights: Array
     nodes: Array
-    point: Point
+    point: Displaced
     reach: Array
     reach_below: Array
     sigma: Array
@@ -144,13 +144,13 @@ def rough_shape(problem: Any, discrete: bool = False) -> RoughShape:
         return _describe(problem, *_solve(problem, discrete))
 
 
-def rough_start(problem: Problem) -> tuple[Point, Array]:
+def rough_start(problem: Problem) -> tuple[Displaced, Array]:
     """Where solves start, and whether the squash is feasible: the rough shape, not described."""
     point, (below, above) = _solve(problem, discrete=False)
     return point, problem.band.feasible & below.feasible & above.feasible
 
 
-def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
+def _solve(problem: Problem, discrete: bool) -> tuple[Displaced, tuple[Push, Push]]:
     xp = namespace(problem.shift, problem.band.lower)
     band = _node_band(problem) if discrete else problem.band
     below, above = sides(problem.rest, problem.tool, band)
@@ -177,7 +177,7 @@ def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
     # A node that counts as on the band's edge may lie a hair beside it.
     edge = problem.fixed[1:] != problem.fixed[:-1]
     thickness = xp.where(edge, problem.rest.thickness + xp.diff(shift), thickness)
-    point = Point(xp.where(problem.banded, problem.band_thickness, thickness), shift)
+    point = Displaced(xp.where(problem.banded, problem.band_thickness, thickness), shift)
     return point, (push_below, push_above)
 
 
@@ -192,7 +192,7 @@ def _node_band(problem: Problem) -> Band:
     )
 
 
-def _describe(problem: Problem, point: Point, pushes: tuple[Push, Push]) -> RoughShape:
+def _describe(problem: Problem, point: Displaced, pushes: tuple[Push, Push]) -> RoughShape:
     below, above = pushes
     band, nodes, unit = problem.band, _node_band(problem), problem.clay.unit
     return RoughShape(

@@ -10,7 +10,7 @@ a_i = p_{i+1} - p_i
 and every square has a weight.  The paper's scheme has h, a, c and the weights all 1/n; second-order
 slices (:mod:`jaxclay.schemes.slices`) have them where the clay is.
 
-Solvers hold a :class:`Point`, thicknesses beside displacements, rather than heights: second
+Solvers hold a :class:`Displaced`, thicknesses beside displacements, rather than heights: second
 differences of heights are rounding noise on fine grids.
 """
 
@@ -23,8 +23,8 @@ from jaxclay.model.energy import Samples, Weights
 from jaxclay.numerics.arrays import Array, namespace
 
 
-class Point(NamedTuple):
-    """A shape, lengths over the unit l.
+class Displaced(NamedTuple):
+    """A displaced shape, lengths over the unit l: the point that a minimiser is at.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class Point(NamedTuple):
     thickness: Array
     shift: Array
 
-    def moved(self, step: Array) -> Point:
+    def moved(self, step: Array) -> Displaced:
         """The shape after every node has moved by ``step``, (n+1,)."""
-        return Point(self.thickness + step[1:] - step[:-1], self.shift + step)
+        return Displaced(self.thickness + step[1:] - step[:-1], self.shift + step)
 
 
 class Sums(NamedTuple):
@@ -74,12 +74,12 @@ def radii(rest: Rest, sums: Sums, thickness: Array) -> Array:
     return rest.r0 / namespace(thickness).sqrt(thickness / sums.width)
 
 
-def sample(rest: Rest, sums: Sums, point: Point) -> Samples:
+def sample(rest: Rest, sums: Sums, point: Displaced) -> Samples:
     """Samples of the contour with X_i from eq. 22."""
     return sample_contour(rest, sums, point, radii(rest, sums, point.thickness))
 
 
-def sample_contour(rest: Rest, sums: Sums, point: Point, X: Array) -> Samples:
+def sample_contour(rest: Rest, sums: Sums, point: Displaced, X: Array) -> Samples:
     """The same for radii X (n,) of their own, whether or not they keep the volume."""
     Y_u = point.thickness / sums.width
     X_u = (X[1:] - X[:-1]) / sums.apart

@@ -23,7 +23,7 @@ from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.schemes.base import Pull
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 
 class Linear(NamedTuple):
@@ -100,11 +100,11 @@ class System(NamedTuple):
         """(n,) whether a slice has a free end: only those can become too thin."""
         return self.floor > 0
 
-    def slack(self, point: Point) -> Array:
+    def slack(self, point: Displaced) -> Array:
         """(n,) thickness above the floor."""
         return point.thickness - self.floor
 
-    def moved(self, point: Point, step: Array) -> Point:
+    def moved(self, point: Displaced, step: Array) -> Displaced:
         """The point after every node has moved by ``step``, (n+1,)."""
         return point.moved(step)
 
@@ -124,7 +124,7 @@ class System(NamedTuple):
         """(n+1,) what forces on the thicknesses do to the free nodes."""
         return self.free * _to_nodes(forces)
 
-    def free_smooth(self, point: Point) -> Array:
+    def free_smooth(self, point: Displaced) -> Array:
         """E_free without friction."""
         d, X = self._slopes(point)
         stretch = point.thickness / self.rest_thickness - 1
@@ -136,12 +136,12 @@ class System(NamedTuple):
             0.5 * (slices + padded(between, 0, 1) + padded(self.turn * turned * turned, 0, 2)).sum()
         )
 
-    def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
+    def kinks(self, point: Displaced, eps: Array, weight: Array) -> Array:
         """Energy of friction smoothed by eps, and of the floor's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift * point.shift + eps * eps)
         return (smoothed[1:] - weight * jnp.log(self.slack(point))).sum()
 
-    def smooth_model(self, point: Point) -> Model:
+    def smooth_model(self, point: Displaced) -> Model:
         """Value and gradient (n+1,) of E_free without friction, its Hessian by thicknesses.
 
         The Hessian is four arrays (n,): three bands, of which the first holds all of it, and the
@@ -161,12 +161,12 @@ class System(NamedTuple):
         gradient = self._gradient(point, d, X1, by_radius)
         return Model(self.free_smooth(point), gradient, (first, beside, second, bend))
 
-    def gradient(self, point: Point) -> Array:
+    def gradient(self, point: Displaced) -> Array:
         """(n+1,) the gradient of E_free without friction."""
         d, X = self._slopes(point)
         return self._gradient(point, d, -X / (2 * point.thickness), self._by_radius(X))
 
-    def _slopes(self, point: Point) -> tuple[Array, Array]:
+    def _slopes(self, point: Displaced) -> tuple[Array, Array]:
         d = point.thickness / self.width
         return d, self.r0 / namespace(d).sqrt(d)
 
@@ -176,7 +176,7 @@ class System(NamedTuple):
         moment = self.turn * _differences(self.apart * step)
         return _to_nodes(self.tension * step + self.apart * _to_nodes(moment))
 
-    def _gradient(self, point: Point, d: Array, X1: Array, by_radius: Array) -> Array:
+    def _gradient(self, point: Displaced, d: Array, X1: Array, by_radius: Array) -> Array:
         strain = self.strain * (point.thickness / self.rest_thickness - 1) / self.rest_thickness
         by_slope = self.slope * d + _to_nodes(self.change * _differences(d))
         return self.from_thickness(strain + by_slope / self.width + X1 * by_radius)
@@ -196,7 +196,7 @@ class System(NamedTuple):
         masked = [keep * row * padded(keep, -k, k) for k, row in enumerate(rows)]
         return jnp.stack([masked[0] + (1 - keep), *masked[1:]])
 
-    def newton_step(self, _point: Point, bands: Any, pull: Pull) -> tuple[Array, Array]:
+    def newton_step(self, _point: Displaced, bands: Any, pull: Pull) -> tuple[Array, Array]:
         """(n+1,) H^-1 force on the free nodes; whether H is positive definite there."""
         return self.solve(bands, self.linear(bands, pull))
 
@@ -228,7 +228,7 @@ class System(NamedTuple):
         positive = (jnp.min(factor.pivots[:-1]) > 0) & (pivot > 0)
         return held + follow * (forward[-1] / pivot), positive
 
-    def evened(self, point: Point, fraction: Array) -> Point:
+    def evened(self, point: Displaced, fraction: Array) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band spread evenly.
 
         Spread evenly between its ends a side is above the floor if it can be at all.
@@ -240,15 +240,15 @@ class System(NamedTuple):
             even = rest * (now.sum() / xp.maximum(rest.sum(), 1e-300))
             change += fraction * (even - now)
         moved = xp.concatenate([xp.zeros(1), xp.cumsum(change)])
-        return Point(point.thickness + change, point.shift + self.free * moved)
+        return Displaced(point.thickness + change, point.shift + self.free * moved)
 
-    def put_to_rest(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Displaced, rests: Array) -> Displaced:
         """The point with the nodes that rest, a bool array, exactly where they were."""
         stays = 1 - self.free * rests
         moved = point.moved(point.shift * (stays - 1))
         shift = moved.shift * stays
         home = (abs(shift[1:]) + abs(shift[:-1]) == 0) & self.loose
-        return Point(jnp.where(home, self.rest_thickness, moved.thickness), shift)
+        return Displaced(jnp.where(home, self.rest_thickness, moved.thickness), shift)
 
 
 def _differences(values: Array) -> Array:

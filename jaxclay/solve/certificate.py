@@ -24,7 +24,7 @@ from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.numerics.host import pytree
 from jaxclay.schemes.base import DECREMENT, SMALL, Forces
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import Linear, System
 
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
@@ -97,7 +97,7 @@ def accepted_decrement(energy_free: Array) -> Array:
     return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
 
 
-def certify(system: System, point: Point, forces: Forces) -> Certificate:
+def certify(system: System, point: Displaced, forces: Forces) -> Certificate:
     """Certify a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
     model = system.smooth_model(point)
     energy = model.value + system.friction_limit @ abs(point.shift)
@@ -111,7 +111,7 @@ def certify(system: System, point: Point, forces: Forces) -> Certificate:
     return concluded(system, point, found)
 
 
-def concluded(system: System, point: Point, found: Search) -> Certificate:
+def concluded(system: System, point: Displaced, found: Search) -> Certificate:
     """The certificate of a point whose forces have been searched for."""
     xp = namespace(point.shift, found.positive)
     best, positive, admissible = found.best, found.positive, _admissible(system, point)
@@ -181,7 +181,7 @@ class Search(NamedTuple):
         """Whether this turn reads off floor forces."""
         return self.turn % _TURNS < _TURNS - 1
 
-    def forces(self, system: System, point: Point, gradient, own: Forces) -> Forces:
+    def forces(self, system: System, point: Displaced, gradient, own: Forces) -> Forces:
         """The pair of this turn, floor forces as far as they are read off."""
         d, limit, i = point.shift, system.friction_limit, self.turn // _TURNS
         threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
@@ -206,7 +206,7 @@ def searched(positive: Array, energy_free: Array, *best: Array) -> Search:
 
 
 def asked(
-    system: System, point: Point, model: Model, own: Forces, search: Search
+    system: System, point: Displaced, model: Model, own: Forces, search: Search
 ) -> tuple[Linear, Forces]:
     """What the next turn takes: the residual, a Hessian that penalties may hold; its forces."""
     forces = search.forces(system, point, model.gradient, own)
@@ -218,7 +218,7 @@ def asked(
 
 
 def taken(
-    system: System, point: Point, model: Model, energy: Array, search: Search,
+    system: System, point: Displaced, model: Model, energy: Array, search: Search,
     linear: Linear, forces: Forces, answer: Array, positive: Array,
 ) -> Search:  # fmt: skip
     """The search after a turn whose residual r gave H^-1 r, ``answer``; ``energy`` is E_free."""
@@ -254,12 +254,12 @@ def taken(
     )
 
 
-def _penalties(system: System, point: Point, model: Model) -> Array:
+def _penalties(system: System, point: Displaced, model: Model) -> Array:
     """(n,) their strength on the slices at the floor."""
     return touches_floor(system, point) * (_PENALTY * jnp.max(abs(model.bands[0])))
 
 
-def _admissible(system: System, point: Point) -> Array:
+def _admissible(system: System, point: Displaced) -> Array:
     """Whether the shape keeps above the floor, in step with itself and to the tool."""
     # A slice on the floor may lie below it by rounding.
     low = -1e-12 * system.rest_thickness
@@ -271,6 +271,6 @@ def _admissible(system: System, point: Point) -> Array:
     return above_floor & consistent & (abs(missed).max() <= _CONSISTENT)
 
 
-def touches_floor(system: System, point: Point) -> Array:
+def touches_floor(system: System, point: Displaced) -> Array:
     """(n,) slices on which the floor may push."""
     return system.slack(point) <= _ON_FLOOR * system.rest_thickness

@@ -22,7 +22,7 @@ from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import promoting
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import Linear
 from jaxclay.solve.certificate import touches_floor
 from jaxclay.solve.spline_derivative import of_splines
@@ -49,7 +49,7 @@ def _solve_jvp(method, primals, tangents):
     return outcome, tangent._replace(point=rule(problem, change, outcome))
 
 
-def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
+def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Displaced:
     """How the minimum's point on the paper's scheme changes with the problem."""
     point, system = outcome.point, problem.system
     moving = problem.free & (point.shift != 0)
@@ -60,7 +60,7 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
         """What would move the free nodes if the problem changed around them."""
         system = problem.system
         shift = jnp.where(problem.fixed, problem.shift, point.shift)
-        here = Point(system.rest_thickness + system.thickness_change(shift), shift)
+        here = Displaced(system.rest_thickness + system.thickness_change(shift), shift)
         friction = system.friction_limit * jnp.sign(point.shift)
         return system.gradient(here) + friction + system.from_thickness(hold * system.slack(here))
 
@@ -69,7 +69,7 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
     matrix = system.matrix(bands, linear)
     step = -banded.solve_exactly(matrix, jnp.where(moving, rate, 0.0))
     shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
-    return Point(change.rest.thickness + jnp.diff(shift), shift)
+    return Displaced(change.rest.thickness + jnp.diff(shift), shift)
 
 
 def _no_change(leaf: Array) -> Array:

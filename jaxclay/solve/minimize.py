@@ -33,7 +33,7 @@ from jaxclay.schemes.rough import RoughShape, rough_shape, rough_start
 from jaxclay.schemes.slices.nodes import least_slices
 from jaxclay.schemes.slices.posing import counted, located, pose_on_host
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import System
 from jaxclay.solve.certificate import Certificate, certify
 from jaxclay.solve.certified_newton import solve_on_host
@@ -160,7 +160,7 @@ def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
 def minimize(
     problem: Problem | SplineProblem,
     method: str = "newton",
-    start: Array | Point | Solution | None = None,
+    start: Array | Displaced | Solution | None = None,
     **settings: Any,
 ) -> Solution:
     """Minimise E_total (eq. 9) over the free heights, or a spline's free coefficients.
@@ -174,9 +174,9 @@ def minimize(
         From :func:`pose`.
     method : str
         A key of :data:`jaxclay.METHODS`.
-    start : (n+1,) array, Point or Solution, optional
+    start : (n+1,) array, Displaced or Solution, optional
         Heights to start from, in the clay's length unit (coefficients (N,) for a
-        spline), or a point over l; what is prescribed is put where the tool wants it.  Or the
+        spline), or a displaced shape; what is prescribed is put where the tool wants it.  Or the
         answer to a squash close by of the same clay, whose displacements, multipliers and resting
         nodes are used: that is for dragging a tool.  If not given, the rough shape.
     **settings
@@ -239,11 +239,11 @@ def _certified(system: System, outcome: Outcome, feasible: Array) -> Certificate
     return certify(system, _kept(system, outcome, feasible), outcome.forces)
 
 
-def _kept(system: System, outcome: Outcome, feasible: Array) -> Point:
+def _kept(system: System, outcome: Outcome, feasible: Array) -> Displaced:
     """The outcome's point; the clay at rest where there is none."""
     point, xp = outcome.point, namespace(outcome.point, feasible)
     thickness = xp.where(feasible, point.thickness, system.rest_thickness)
-    return Point(thickness, xp.where(feasible, point.shift, 0.0))
+    return Displaced(thickness, xp.where(feasible, point.shift, 0.0))
 
 
 def _traced(problem, start, settings, method) -> Solution:

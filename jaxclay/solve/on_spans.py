@@ -168,7 +168,7 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
     shift = jnp.where(problem.rough.feasible, shift, 0.0)
     thickness = jnp.where(on.banded & problem.rough.feasible, on.band_thickness,
                           on.rest.thickness + jnp.diff(shift))  # fmt: skip
-    return on.shape(sums.Point(thickness, shift)), shift
+    return on.shape(sums.Displaced(thickness, shift)), shift
 
 
 def rising(problem: SplineProblem, coefficients: Array) -> Array:

@@ -112,7 +112,7 @@ class Solution:
     Attributes
     ----------
     problem : Problem or SplineProblem
-    point : Point
+    point : Displaced
         The shape over l, as solvers hold it.
     forces : Forces
         The method's multipliers, from which a squash close by can start.

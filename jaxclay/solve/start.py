@@ -13,16 +13,16 @@ from jaxclay.numerics.host import is_transformed
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.density import layer_of
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.solve.solution import Solution
 
 
-def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
+def start_of(problem: Problem, rough: Displaced, start: Any, method: str) -> Start:
     """What the caller gave as start, checked; else the rough shape, rounded for newton."""
     if start is None:
         return cold(problem, rounded(problem, rough) if method == "newton" else rough)
     check_same_scheme(problem, start)
-    if isinstance(start, Point):
+    if isinstance(start, Displaced):
         _check_one_each(problem, start.shift)
         return cold(problem, start)
     if not isinstance(start, Solution):
@@ -38,14 +38,17 @@ def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
 
 
 def check_same_scheme(problem: Any, start: Any) -> None:
-    """Raise where an answer or a point is of another scheme than the problem."""
+    """Raise where an answer or a displaced shape is of another scheme than the problem."""
     own = f'"{problem.scheme}"'
     if isinstance(start, Solution):
         what, theirs = "an answer", f'"{start.problem.scheme}"'
     elif hasattr(start, "coefficients"):
-        what, theirs = "a point", '"spline"'
-    elif isinstance(start, Point):
-        what, theirs = "a point", own if problem.scheme != "spline" else '"slices" or "paper"'
+        what, theirs = "a displaced shape", '"spline"'
+    elif isinstance(start, Displaced):
+        what, theirs = (
+            "a displaced shape",
+            own if problem.scheme != "spline" else '"slices" or "paper"',
+        )
     else:
         return
     if theirs != own:
@@ -60,7 +63,7 @@ def check_same_scheme(problem: Any, start: Any) -> None:
         )
 
 
-def rounded(problem: Problem, point: Point) -> Point:
+def rounded(problem: Problem, point: Displaced) -> Displaced:
     """A rough shape whose jumps of radius at the band's edges are rounded as smoothing will do.
 
     At the distance x from an edge the stretch changes by (1 - x / l) e^(-x / l) of what it jumps
@@ -86,10 +89,12 @@ def rounded(problem: Problem, point: Point) -> Point:
     none = xp.zeros(1)
     shift = point.shift + xp.concatenate([none, xp.cumsum(above)])
     shift -= xp.concatenate([xp.cumsum(below[::-1])[::-1], none])
-    return lifted(problem, problem.imposed(Point(rest.thickness + shift[1:] - shift[:-1], shift)))
+    return lifted(
+        problem, problem.imposed(Displaced(rest.thickness + shift[1:] - shift[:-1], shift))
+    )
 
 
-def start_from(problem: Problem, heights: Array) -> Point:
+def start_from(problem: Problem, heights: Array) -> Displaced:
     """The caller's heights as a point that obeys the tool."""
     if not is_transformed(problem, heights):
         heights = np.asarray(heights, np.float64)

@@ -31,7 +31,7 @@ from jaxclay.numerics.checks import REFUSALS
 from jaxclay.numerics.host import compiled, in_float64
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 GRIDS = (32, 64)
 LABELS = 15
@@ -122,7 +122,7 @@ def contours(minimum: jaxclay.Solution) -> Iterator[tuple[np.ndarray, float]]:
 @compiled()
 def _rest(problem: Problem) -> jax.Array:
     """Heights at rest but for the band, and what makes room for it."""
-    rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
+    rest = Displaced(problem.rest.thickness, jnp.zeros_like(problem.shift))
     return problem.shape(lifted(problem, problem.imposed(rest))).heights
 
 

@@ -22,7 +22,7 @@ from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import RoughShape
 from jaxclay.schemes.spline import bspline
-from jaxclay.schemes.spline.space import Point, Space, gauss_newton, sample, seeds
+from jaxclay.schemes.spline.space import Displaced, Space, gauss_newton, sample, seeds
 
 
 @pytree
@@ -132,15 +132,17 @@ class SplineProblem:
         """(S * 6,) weight times mu: the most that friction can hold."""
         return self.space.friction_weight * self.material.mu
 
-    def point(self, coefficients: Array) -> Point:
-        """The shape of coefficients (N,)."""
+    def point(self, coefficients: Array) -> Displaced:
+        """Coefficients (N,) as a displaced shape."""
         slopes = self.slopes + self.space.slopes_of(coefficients)
-        return Point(coefficients, self.space.values_of(coefficients), slopes)
+        return Displaced(coefficients, self.space.values_of(coefficients), slopes)
 
-    def moved(self, point: Point, step: Array) -> Point:
+    def moved(self, point: Displaced, step: Array) -> Displaced:
         """The point after the coefficients have changed by ``step``, (N,)."""
         change = self.space.values_of(step), self.space.slopes_of(step)
-        return Point(point.coefficients + step, point.shift + change[0], point.slopes + change[1])
+        return Displaced(
+            point.coefficients + step, point.shift + change[0], point.slopes + change[1]
+        )
 
     @property
     def friction_total(self) -> Array:
@@ -152,12 +154,12 @@ class SplineProblem:
         """The material's."""
         return self.material.k
 
-    def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
+    def kinks(self, point: Displaced, eps: Array, weight: Array) -> Array:
         """Energy of friction smoothed by eps, and of the floor's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift**2 + eps**2)
         return jnp.sum(smoothed) - weight * jnp.sum(jnp.log(self.slack(point)))
 
-    def slack(self, point: Point) -> Array:
+    def slack(self, point: Displaced) -> Array:
         """(S * 4,) Y_u above the floor."""
         return jnp.where(self.loose, point.thickness - self.floor, 1.0)
 
@@ -182,16 +184,16 @@ class SplineProblem:
         """The sum of energies at the points of friction and at the Gauss points."""
         return jnp.sum(friction) + jnp.sum(floor)
 
-    def free_smooth(self, point: Point) -> Array:
+    def free_smooth(self, point: Displaced) -> Array:
         """E_free without friction."""
         return integrate_smooth(self._samples(point.slopes), self.material)
 
-    def free_terms(self, point: Point) -> Terms:
+    def free_terms(self, point: Displaced) -> Terms:
         """E_free's four terms."""
         terms = integrate(self._samples(point.slopes), self.material)
         return terms._replace(friction=jnp.sum(self.friction_limit * jnp.abs(point.shift)))
 
-    def terms(self, point: Point) -> Terms:
+    def terms(self, point: Displaced) -> Terms:
         """The energy's four terms, the band's included."""
         return jax.tree.map(jnp.add, self.free_terms(point), self.band_terms)
 
@@ -199,7 +201,7 @@ class SplineProblem:
         weight = self.space.weight
         return sample(weight, self.rest_thickness, self.r0, slopes)
 
-    def smooth_model(self, point: Point) -> Model:
+    def smooth_model(self, point: Displaced) -> Model:
         """Value and gradient of E_free without friction; its Hessian by the slopes, (S*4, 3, 3)."""
 
         def energy(slopes):
@@ -213,7 +215,7 @@ class SplineProblem:
 
     def stiffness(
         self,
-        point: Point,
+        point: Displaced,
         matrix: Array,
         floor: Array,
         friction: Array,
@@ -239,13 +241,13 @@ class SplineProblem:
         """(N,) H^-1 force."""
         return banded.solve(stiff, force)
 
-    def newton_step(self, point: Point, matrix: Array, pull: Any) -> tuple[Array, Array]:
+    def newton_step(self, point: Displaced, matrix: Array, pull: Any) -> tuple[Array, Array]:
         """(N,) H^-1 force; whether H is positive definite."""
         gauss = pull.gauss > 0
         stiff = self.stiffness(point, matrix, pull.floor, pull.friction, pull.shift, gauss)
         return self.solved(stiff, pull.force), stiff.positive
 
-    def evened(self, point: Point, fraction: Array) -> Point:
+    def evened(self, point: Displaced, fraction: Array) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band squeezed evenly."""
         return self.moved(point, fraction * (self.even() - point.coefficients))
 
@@ -268,7 +270,7 @@ class SplineProblem:
         squeezed = jnp.concatenate([below, above])
         return jnp.where(self.fixed, self.shift, squeezed)
 
-    def put_to_rest(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Displaced, rests: Array) -> Displaced:
         """The point without the coefficients in whose support all clay rests."""
         spans, width = self.space.spans, self.space.degree + 1
         moves = (~rests & (self.space.friction_weight > 0)).reshape(spans, -1).any(axis=1)

@@ -27,8 +27,8 @@ _FRICTION = 3  # points in each of a span's two cells
 _CUTS = 40  # of a span, for the place where w changes its sign
 
 
-class Point(NamedTuple):
-    """A shape, lengths over the unit l.
+class Displaced(NamedTuple):
+    """A displaced shape, lengths over the unit l: the point that a minimiser is at.
 
     Attributes
     ----------
