@@ -30,7 +30,7 @@ def own_lock(tmp_path_factory):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def room_for_executables():
+def few_executables():
     """Let go of what is compiled before a process has too many mappings."""
     yield
     let_go()

@@ -7,7 +7,7 @@ Over Y and X, E_total is convex: quadratics and friction.  What is not is eq. 22
 which enters as sum h_i (m_i c_i + rho/2 c_i^2).  Each stage of friction
 (:mod:`jaxclay.methods.stages`) ends with m_i += rho c_i, and rho grows where the
 largest |c_i| has not fallen to a quarter (Hestenes 1969, Powell 1969; Nocedal and
-Wright 2006, section 17.3).  The minimiser inside is jaxopt's L-BFGS; the floor is the
+Wright 2006, section 17.3).  The minimiser inside is jaxopt's L-BFGS; the lower bound is the
 stages' penalty, and scenes on which it is active take more iterations than the limit.
 
 The answer is Y alone: its radii follow from eq. 22, so its volume is exact however

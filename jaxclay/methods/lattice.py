@@ -72,8 +72,8 @@ class _Slices(NamedTuple):
 
     Attributes
     ----------
-    slope, radius : Y_u and X_i; those at rest where t_i is below the floor
-    energy : strain and tension of the slice, friction of its upper node; inf below the floor
+    slope, radius : Y_u and X_i; those at rest where t_i is below the lower bound
+    energy : strain and tension of the slice, friction of its upper node; inf below the lower bound
     """
 
     slope: Array
@@ -113,17 +113,17 @@ def label_steps(problem: Problem, point: Displaced, spacing: Array, labels: int)
     nearest to the rest height is put onto it.
     """
     even = spacing * (jnp.arange(labels) - labels // 2)
-    home = -point.shift[:, None]
-    apart = jnp.where(even == 0, jnp.inf, jnp.abs(even - home))
+    back = -point.shift[:, None]
+    apart = jnp.where(even == 0, jnp.inf, jnp.abs(even - back))
     nearest = jnp.arange(labels) == jnp.argmin(apart, axis=1)[:, None]
-    in_reach = (home != 0) & (jnp.abs(home) <= spacing * labels / 2)
-    return jnp.where(problem.free[:, None], jnp.where(nearest & in_reach, home, even), 0.0)
+    in_reach = (back != 0) & (jnp.abs(back) <= spacing * labels / 2)
+    return jnp.where(problem.free[:, None], jnp.where(nearest & in_reach, back, even), 0.0)
 
 
 def best_on_lattice(problem: Problem, point: Displaced, steps: Array) -> tuple[Array, Array]:
     """The step (n+1,) to the contour of least E_total on a lattice, and that E_total.
 
-    ``point`` is a contour above the floor, and ``steps`` (n+1, m) lead from it to the
+    ``point`` is a contour above the lower bound, and ``steps`` (n+1, m) lead from it to the
     labels of each node, as :func:`label_steps` gives them.  That E_total is inf where the
     floor forbids every contour.
     """
@@ -157,7 +157,7 @@ def _slices(problem: Problem, point: Displaced, steps: Array) -> _Slices:
     m, sums = problem.material, problem.sums
     t = point.thickness[:, None, None] + steps[1:, None, :] - steps[:-1, :, None]
     t0 = problem.rest.thickness[:, None, None]
-    # The contour itself stays allowed where rounding has put it below the floor.
+    # The contour itself stays allowed where rounding has put it below the lower bound.
     allowed = t >= jnp.minimum(problem.floor, point.thickness)[:, None, None]
     t = jnp.where(allowed, t, t0)
     slope = t / sums.width[:, None, None]

@@ -41,8 +41,8 @@ class Outcome(NamedTuple):
     finite: Array
 
 
-def cold(problem: AnyProblem, point: AnyDisplaced) -> Start:
-    """A start of which only the shape is known."""
+def initial_guess(problem: AnyProblem, point: AnyDisplaced) -> Start:
+    """A start of which only the shape is known, unlike a warm start."""
     return Start(point, no_forces(problem), np.asarray(False))
 
 

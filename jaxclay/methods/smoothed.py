@@ -3,7 +3,7 @@
 A minimiser knows one iteration.  Around it each stage of
 :mod:`jaxclay.methods.stages`, or on splines of :mod:`jaxclay.methods.penalties`, is
 minimised in coordinates of its own (:mod:`jaxclay.methods.coordinates`); what lies
-below the floor is lifted onto it.
+below the lower bound is lifted onto it.
 """
 
 from __future__ import annotations

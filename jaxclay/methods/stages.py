@@ -1,9 +1,9 @@
-"""Friction and floor for minimisers of smooth functions, in stages.
+"""Friction and lower bound for minimisers of smooth functions, in stages.
 
 Friction is smoothed as sqrt(d^2 + eps^2) with eps stepped down.  Then the nodes
 that hardly moved are pinned at rest, the others keep their sign of friction,
 and the energy is smooth as it is; pins are moved until they agree with the
-forces.  Below the thickness floor the energy goes on with a steep penalty
+forces.  Below the lower bound of thickness the energy goes on with a steep penalty
 instead of infinity, at which line searches break down.
 """
 
@@ -19,7 +19,7 @@ from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.sums import Displaced
 
 _PINNINGS = 10
-_PENALTY = 1e3  # first weight of the floor's penalty over k; grows as eps falls
+_PENALTY = 1e3  # first weight of the lower bound's penalty over k; grows as eps falls
 
 
 class Stage(NamedTuple):
@@ -75,14 +75,14 @@ class Stage(NamedTuple):
         return jnp.sum(problem.friction_limit * sizes)
 
     def penalty(self, problem: Problem, thickness: Array) -> Array:
-        """What lying below the floor costs; steeper from rung to rung."""
+        """What lying below the lower bound costs; steeper from rung to rung."""
         weight = _PENALTY * problem.material.k * 10.0**self._rung
         below = jnp.maximum(problem.floor - thickness, 0.0) / problem.rest.thickness
         return weight / 2 * jnp.sum(problem.sums.width * below**2)
 
     def energy(self, problem: Problem, point: Displaced) -> Array:
-        """E_free with this stage's friction and the floor's penalty; finite everywhere."""
-        # Half the floor is far outside, but the radius is still finite there.
+        """E_free with this stage's friction and the lower bound's penalty; finite everywhere."""
+        # Half the lower bound is far outside, but the radius is still finite there.
         kept = jnp.maximum(point.thickness, problem.floor / 2)
         smooth = problem.free_smooth(Displaced(kept, point.shift))
         kinks = self.friction(problem, point.shift)

@@ -69,8 +69,8 @@ class Rest(NamedTuple):
 
     def held(self, band: Band) -> Array:
         """(n+1,) whether each node belongs to the band."""
-        slack = _ON_NODE / self.slices
-        return (self.material >= band.lower - slack) & (self.material <= band.upper + slack)
+        margin = _ON_NODE / self.slices
+        return (self.material >= band.lower - margin) & (self.material <= band.upper + margin)
 
     def least(self) -> Array:
         """Least share of the clay below a band above the bottom."""
@@ -98,7 +98,7 @@ class Tool(NamedTuple):
 class Band(NamedTuple):
     """The material [lower, upper] that ends between the heights bottom and top.
 
-    ``feasible`` is False where a held end leaves less room than the floor needs,
+    ``feasible`` is False where a held end leaves less room than the lower bound needs,
     where the band lies above the clay, or where it holds fewer than two nodes.
     """
 
@@ -165,8 +165,8 @@ def locate_band(rest, tool: Tool, material: Material) -> Band:
     lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
     upper = jnp.where(swallows, 1.0, jnp.minimum(lower + share, 1.0))
     top = jnp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
-    room = material.floor * (height - rest.height_at(upper)) <= height - tool.top
-    feasible = jnp.where(at_bottom, ~tool.top_fixed | room, feasible)
+    fits = material.floor * (height - rest.height_at(upper)) <= height - tool.top
+    feasible = jnp.where(at_bottom, ~tool.top_fixed | fits, feasible)
     # On the host these are errors; inside a transformation nobody can raise them.
     possible = (tool.bottom < height) & (~tool.top_fixed | ((tool.top < height) & (share < 1)))
     band = Band(lower, upper, tool.bottom, top, feasible & possible)

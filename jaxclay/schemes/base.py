@@ -26,7 +26,7 @@ class Forces(NamedTuple):
     friction : (n+1,) array
         lam, between -h mu and h mu; h mu sign(d_i) where clay moves.
     floor : (n,) array
-        z >= 0, what holds a slice above its least thickness.
+        z >= 0, what holds a slice above its lower bound.
     """
 
     friction: Array
@@ -75,11 +75,11 @@ class Minimisable(Protocol):
 
     @property
     def floor(self) -> Array:
-        """(s,) least thickness where ``loose``, 0 elsewhere."""
+        """(s,) lower bound of thickness where ``loose``, 0 elsewhere."""
         ...
 
     def slack(self, point: Any, /) -> Array:
-        """(s,) thickness above the floor."""
+        """(s,) thickness above the lower bound."""
         ...
 
     def moved(self, point: Any, step: Array, /) -> Any:
@@ -186,7 +186,7 @@ def no_forces(problem: Minimisable) -> Forces:
 
 
 def lifted(problem: AnyProblem, point: AnyDisplaced) -> AnyDisplaced:
-    """The point moved no further than needed for every slice to reach the floor."""
+    """The point moved no further than needed for every slice to reach the lower bound."""
     xp = namespace(problem.shift, point)
     even = problem.evened(point, 1.0).thickness
     low = problem.loose & (point.thickness < problem.floor)

@@ -110,7 +110,7 @@ class Problem:
 
     @property
     def floor(self) -> Array:
-        """(n,) least thickness of each loose slice, 0 for the others."""
+        """(n,) lower bound of each loose slice's thickness, 0 for the others."""
         return self.loose * (self.material.floor * self.rest.thickness)
 
     @property
@@ -180,7 +180,7 @@ class Problem:
         return integrate_smooth(self._free_samples(point), self.material)
 
     def room(self) -> tuple[Array, Array]:
-        """Length that a held upper end leaves above the band, and the least that the clay needs."""
+        """Length that a held upper end leaves above the tool, and the least that the clay needs."""
         edge = np.interp(self.band.upper, self.rest.material, self.rest.heights)
         top, unit = self.rest.heights[-1], self.clay.unit
         return (top - self.tool.top) * unit, self.material.floor * (top - edge) * unit
@@ -191,7 +191,7 @@ class Problem:
         return self.free * (self.material.mu * self.sums.nodes)
 
     def slack(self, point: Displaced) -> Array:
-        """(n,) thickness above the floor."""
+        """(n,) thickness above the lower bound."""
         return point.thickness - self.floor
 
     def moved(self, point: Displaced, step: Array) -> Displaced:

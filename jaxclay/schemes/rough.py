@@ -55,9 +55,9 @@ class RoughShape:
         The effective band: heights of its first and last fixed node, since the
         tool's edges are quantised to nodes.
     floored : bool
-        Whether the thickness floor is active.
+        Whether the lower bound of thickness is active.
     feasible : bool
-        False where a held end leaves less room than the floor needs.
+        False where a held end leaves less room than the lower bound needs.
     """
 
     heights: Array
@@ -93,7 +93,7 @@ class RoughShape:
             f"push {say(self.sigma, '.4g')}",
             f"below it: case {below}, reach u1 {say(self.reach_below, '.4g')}, "
             f"push {say(self.sigma_below, '.4g')}",
-            f"thickness floor active: {text.flag(self.floored)}",
+            f"lower bound active: {text.flag(self.floored)}",
         )
 
     @property
@@ -118,7 +118,7 @@ def rough_shape(problem: Any, discrete: bool = False) -> RoughShape:
     discrete : bool
         False: the continuum's minimiser at the nodes, as the paper has it, O(h)
         off the minimum of the sums.  True: the exact minimiser of the discrete
-        E_move (eq. 6 by the sums of eq. 21) above the floor, on the paper's scheme only.
+        E_move (eq. 6 by the sums of eq. 21) above the lower bound, on the paper's scheme only.
 
     Returns
     -------

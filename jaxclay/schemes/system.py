@@ -93,7 +93,7 @@ class System(NamedTuple):
     friction_total: Array
 
     # What a minimiser needs of any scheme: forces at the unknowns, at the places of friction
-    # and at those of the floor.
+    # and at those of the lower bound.
 
     @property
     def loose(self) -> Array:
@@ -101,7 +101,7 @@ class System(NamedTuple):
         return self.floor > 0
 
     def slack(self, point: Displaced) -> Array:
-        """(n,) thickness above the floor."""
+        """(n,) thickness above the lower bound."""
         return point.thickness - self.floor
 
     def moved(self, point: Displaced, step: Array) -> Displaced:
@@ -137,7 +137,7 @@ class System(NamedTuple):
         )
 
     def kinks(self, point: Displaced, eps: Array, weight: Array) -> Array:
-        """Energy of friction smoothed by eps, and of the floor's barrier."""
+        """Energy of friction smoothed by eps, and of the lower bound's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift * point.shift + eps * eps)
         return (smoothed[1:] - weight * jnp.log(self.slack(point))).sum()
 
@@ -231,7 +231,7 @@ class System(NamedTuple):
     def evened(self, point: Displaced, fraction: Array) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band spread evenly.
 
-        Spread evenly between its ends a side is above the floor if it can be at all.
+        Spread evenly between its ends a side is above the lower bound if it can be at all.
         """
         xp = namespace(self.floor, point.shift, fraction)
         change = 0.0
@@ -247,8 +247,8 @@ class System(NamedTuple):
         stays = 1 - self.free * rests
         moved = point.moved(point.shift * (stays - 1))
         shift = moved.shift * stays
-        home = (abs(shift[1:]) + abs(shift[:-1]) == 0) & self.loose
-        return Displaced(jnp.where(home, self.rest_thickness, moved.thickness), shift)
+        resting = (abs(shift[1:]) + abs(shift[:-1]) == 0) & self.loose
+        return Displaced(jnp.where(resting, self.rest_thickness, moved.thickness), shift)
 
 
 def _differences(values: Array) -> Array:

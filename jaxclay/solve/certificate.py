@@ -1,7 +1,7 @@
 """The optimality check of every answer: how much could the local model still gain?
 
 With g, H the gradient and Hessian of the smooth energy on the free nodes,
-d = Y - Y0, friction forces lam with |lam_i| <= h mu and floor forces z >= 0,
+d = Y - Y0, friction forces lam with |lam_i| <= h mu and forces z >= 0 of the lower bound,
 r = g + lam - D^T z and positive definite H, the local model gains at most
 
     decrement = 1/2 r^T H^-1 r + sum (h mu |d_i| - lam_i d_i) + sum z_i (t_i - f t0_i)
@@ -31,9 +31,9 @@ STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _PENALTY = 1e4  # over the Hessian's largest entry
-_TURNS = 5  # for each pair of forces, of which all but the last read off those of the floor
+_TURNS = 5  # for each pair of forces, of which all but the last read off the lower bound's
 _LAST = _TURNS * (2 + len(_AT_REST))
-_ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
+_AT_BOUND = 1e-9  # slack over rest thickness below which the lower bound may push
 
 
 @pytree
@@ -45,7 +45,7 @@ class Certificate:
     ----------
     accepted : bool
         Whether the answer is a local minimum: decrement <= 1e-10 max(E_free,
-        1e-3), step <= 1e-6, curvature positive, thicknesses above the floor.
+        1e-3), step <= 1e-6, curvature positive, thicknesses above the lower bound.
     decrement : float
         Most energy that the local model can still gain; inf without positive curvature.
     step : float
@@ -55,14 +55,14 @@ class Certificate:
         at exact minima on fine grids it is rounding noise.
     positive : bool
         Whether the Hessian is positive definite on the moves that are possible: if it
-        must be, without the nodes that rest and without thinning what the floor pushes on.
+        must be, without the nodes that rest and without thinning what the lower bound pushes on.
     admissible : bool
-        Whether heights increase, thicknesses obey the floor and agree with the
+        Whether heights increase, thicknesses obey the lower bound and agree with the
         heights, and the fixed nodes are where the tool wants them.
     energy_free : float
         E_free, the terms that touch a free node; gaps are relative to it.
     on_floor : int
-        Slices on which the floor pushes.
+        Slices on which the lower bound pushes.
     """
 
     accepted: Array
@@ -80,7 +80,7 @@ class Certificate:
             f"Certificate: {flag(self.accepted, 'accepted', 'refused')}",
             f"{self.gain}, step {say(self.step, '.2g')} (at most {STEP:.2g})",
             f"positive curvature: {flag(self.positive)}, admissible: {flag(self.admissible)}, "
-            f"slices on the floor: {say(self.on_floor)}",
+            f"slices at the lower bound: {say(self.on_floor)}",
             f"E_free {say(self.energy_free)}, residual {say(self.residual, '.2g')}",
         )
 
@@ -128,7 +128,7 @@ def concluded(system: System, point: Displaced, found: Search) -> Certificate:
 
 
 class _Verdict(NamedTuple):
-    """What one pair of friction and floor forces says."""
+    """What one pair of friction and of the lower bound says."""
 
     decrement: Array
     step: Array
@@ -142,16 +142,16 @@ class _Verdict(NamedTuple):
 class Search(NamedTuple):
     """Where the search for the forces that certify a point stands.
 
-    Tried are the solver's own; its friction with floor forces read off; and for
-    each threshold h mu sign(d) beyond it and -g within, with floor forces read off.  Floor forces
+    Tried are the solver's own; its friction with the lower bound's forces z read off; and
+    for each threshold h mu sign(d) beyond it and -g within, with z read off.  These forces
     are those that stiff penalties need to hold the slices there (method of multipliers).  Where H
-    is indefinite nodes that rest with friction to spare are left out, and slices that the floor
-    pushes on, which cannot get thinner, may be held by penalties.
+    is indefinite nodes that rest with friction to spare are left out, and slices that the lower
+    bound pushes on, which cannot get thinner, may be held by penalties.
 
     Attributes
     ----------
     turn : int
-        Which pair, and how far its floor forces are read off.
+        Which pair, and how far its z is read off.
     floor : (n,) array
         Those forces.
     dropped, held : bools
@@ -178,11 +178,11 @@ class Search(NamedTuple):
 
     @property
     def reads(self) -> Array:
-        """Whether this turn reads off floor forces."""
+        """Whether this turn reads off z."""
         return self.turn % _TURNS < _TURNS - 1
 
     def forces(self, system: System, point: Displaced, gradient, own: Forces) -> Forces:
-        """The pair of this turn, floor forces as far as they are read off."""
+        """The pair of this turn, z as far as it is read off."""
         d, limit, i = point.shift, system.friction_limit, self.turn // _TURNS
         threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
         moves = abs(d) > threshold
@@ -224,12 +224,12 @@ def taken(
     """The search after a turn whose residual r gave H^-1 r, ``answer``; ``energy`` is E_free."""
     d, limit, r = point.shift, system.friction_limit, linear.force
     friction, floor = forces
-    tight = touches_floor(system, point)
-    pushed = (floor > 0) & tight
-    touching, pushing = tight.sum(), pushed.sum()
+    touches = at_lower_bound(system, point)
+    pushed = (floor > 0) & touches
+    touching, pushing = touches.sum(), pushed.sum()
     left = 0.5 * r * answer + limit * abs(d) - friction * d
     decrement = (left[1:] + floor * system.slack(point)).sum()
-    # Penalties may stand in for the floor only where it pushes.
+    # Penalties may stand in for the lower bound only where it pushes.
     honest = ~search.held | (pushing == touching)
     decrement = jnp.where(honest & ~jnp.isnan(decrement), decrement, jnp.inf)
     shares = jnp.where(limit > 0, limit / system.mu, 1.0)
@@ -255,22 +255,22 @@ def taken(
 
 
 def _penalties(system: System, point: Displaced, model: Model) -> Array:
-    """(n,) their strength on the slices at the floor."""
-    return touches_floor(system, point) * (_PENALTY * jnp.max(abs(model.bands[0])))
+    """(n,) their strength on the slices at the lower bound."""
+    return at_lower_bound(system, point) * (_PENALTY * jnp.max(abs(model.bands[0])))
 
 
 def _admissible(system: System, point: Displaced) -> Array:
-    """Whether the shape keeps above the floor, in step with itself and to the tool."""
-    # A slice on the floor may lie below it by rounding.
+    """Whether the shape keeps above the lower bound, in step with itself and to the tool."""
+    # A slice at the lower bound may lie below it by rounding.
     low = -1e-12 * system.rest_thickness
-    above_floor = (system.slack(point) >= low).all() & (point.thickness > 0).all()
+    obeys_bound = (system.slack(point) >= low).all() & (point.thickness > 0).all()
     # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
     apart = system.rest_thickness + system.thickness_change(point.shift) - point.thickness
     missed = (1 - system.free) * (point.shift - system.target)
     consistent = abs(apart).max() <= _CONSISTENT
-    return above_floor & consistent & (abs(missed).max() <= _CONSISTENT)
+    return obeys_bound & consistent & (abs(missed).max() <= _CONSISTENT)
 
 
-def touches_floor(system: System, point: Displaced) -> Array:
-    """(n,) slices on which the floor may push."""
-    return system.slack(point) <= _ON_FLOOR * system.rest_thickness
+def at_lower_bound(system: System, point: Displaced) -> Array:
+    """(n,) slices on which the lower bound may push."""
+    return system.slack(point) <= _AT_BOUND * system.rest_thickness

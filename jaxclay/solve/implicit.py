@@ -1,7 +1,7 @@
 """Derivatives through a minimum, from the implicit function theorem.
 
 Where clay moves, the gradient of the energy stays 0 when the problem changes
-a little; where it rests, it goes on resting; slices on the floor stay on it.
+a little; where it rests, it goes on resting; slices at the lower bound stay on it.
 So one linear solve with the Hessian at the answer replaces differentiating the
 iterations, and the derivative is that of the minimum whatever method found it.
 It jumps where a node starts to move or a band's edge passes a node.
@@ -24,10 +24,10 @@ from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import Linear
-from jaxclay.solve.certificate import touches_floor
+from jaxclay.solve.certificate import at_lower_bound
 from jaxclay.solve.spline_derivative import of_splines
 
-_HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
+_HOLD = 1e6  # stiffness that keeps slices at the lower bound, over the Hessian's own
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(4,))
@@ -54,7 +54,7 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Displace
     point, system = outcome.point, problem.system
     moving = problem.free & (point.shift != 0)
     bands = system.smooth_model(point).bands
-    hold = jnp.where(touches_floor(system, point), _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
+    hold = jnp.where(at_lower_bound(system, point), _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
 
     def force(problem: Problem) -> Array:
         """What would move the free nodes if the problem changed around them."""

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.clay.clay import Clay
-from jaxclay.methods.loop import Outcome, Start, cold
+from jaxclay.methods.loop import Outcome, Start, initial_guess
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import compiled, in_float64, is_transformed
 from jaxclay.schemes import sums
@@ -99,18 +99,20 @@ def begin_from(problem: SplineProblem, start: Any) -> Start:
             f"start must hold one coefficient for each of {problem.shift.shape[0]}: got shape "
             f"{np.shape(coefficients)}; give an answer on the same degree and elements"
         )
-    begin = in_float64("minimize", _from, problem, coefficients)
-    return Start(begin.point, start.forces, np.asarray(True)) if warm else begin
+    guess = in_float64("minimize", _from, problem, coefficients)
+    return Start(guess.point, start.forces, np.asarray(True)) if warm else guess
 
 
 @compiled()
 def _evenly(problem: SplineProblem) -> Start:
-    return cold(problem, problem.point(problem.even()))
+    return initial_guess(problem, problem.point(problem.even()))
 
 
 @compiled()
 def _from(problem: SplineProblem, coefficients: Array) -> Start:
-    return cold(problem, problem.point(jnp.where(problem.fixed, problem.shift, coefficients)))
+    return initial_guess(
+        problem, problem.point(jnp.where(problem.fixed, problem.shift, coefficients))
+    )
 
 
 @compiled("method")
@@ -160,7 +162,7 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
     """The clay that coefficients (N,) describe, and the displacement at its nodes, over l.
 
     Its heights are the spline's, its edges those of the band.  The clay before where no shape
-    obeys the floor.
+    obeys the lower bound.
     """
     on = problem.sliced
     free = problem.space.at(coefficients, on.rest.material)
@@ -172,7 +174,7 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
 
 
 def rising(problem: SplineProblem, coefficients: Array) -> Array:
-    """Whether Y_u is positive between the Gauss points too, which alone see the floor."""
+    """Whether Y_u is positive between the Gauss points too, which alone see the lower bound."""
     splines, s = problem.space, jnp.arange(_PROBES) / (_PROBES - 1)
     length = splines.length[:, None]
     basis = bspline.basis(splines.length, splines.degree, s, (1,))[:, :, 0]

@@ -33,7 +33,7 @@ class Status(enum.IntEnum):
     NON_FINITE
         It left the finite numbers.
     INFEASIBLE
-        A held end leaves less room than the thickness floor needs.
+        A held end leaves less room than the lower bound of thickness needs.
     UNRESOLVED
         float64 cannot resolve bending on this grid, or the mesh not the shape.
     """
@@ -91,8 +91,8 @@ _MEANING = {
     "shape is kept. Check the material's constants against the clay's size",
     Status.UNRESOLVED: "so many slices that float64 cannot resolve the bending term: rounding "
     "hides how softly the clay gives way",
-    Status.INFEASIBLE: "no shape obeys the thickness floor: the held end leaves too little room. "
-    "Lower top, lower material.floor or let the upper end free",
+    Status.INFEASIBLE: "no shape obeys the lower bound of thickness: the held end leaves too "
+    "little room. Lower top, lower material.floor or let the upper end free",
 }
 
 
@@ -198,7 +198,7 @@ class Solution:
         if self.status is Status.UNRESOLVED and not on_slices:
             return (
                 f"{self.method}: unresolved: the spans are so long that Y_u is negative between "
-                "the points that see the floor, which is no shape: give more elements"
+                "the points that see the lower bound, which is no shape: give more elements"
             )
         if self.status is Status.UNRESOLVED:
             most = resolvable_slices(self.problem)

@@ -1,7 +1,7 @@
 """The certificate of :mod:`jaxclay.solve.certificate` for splines.
 
 The bound is the same, r = g + B^T lam - D^T z, with friction's forces lam at its
-points and the floor's z at the Gauss points.  Only the forces of clay at rest
+points and the lower bound's z at the Gauss points.  Only the forces of clay at rest
 cannot be read off the gradient point by point: they are the method's own or, for
 methods that know none, those that penalties at these points need to hold it.
 """
@@ -67,7 +67,7 @@ def certify(problem: SplineProblem, point: Displaced, forces: Forces) -> Certifi
     positive = factor.positive
     share = problem.space.from_values(problem.space.friction_weight)
     share = jnp.where(problem.free, share, 1.0)
-    tight = problem.loose & (problem.slack(point) <= 1e-9 * problem.rest_thickness)
+    touches = problem.loose & (problem.slack(point) <= 1e-9 * problem.rest_thickness)
     return Certificate(
         accepted=passes(decrement, step) & positive & admissible,
         decrement=jnp.where(positive, decrement, jnp.inf),
@@ -76,7 +76,7 @@ def certify(problem: SplineProblem, point: Displaced, forces: Forces) -> Certifi
         positive=positive,
         admissible=admissible,
         energy_free=energy,
-        on_floor=jnp.sum(tight),
+        on_floor=jnp.sum(touches),
     )
 
 
@@ -114,7 +114,7 @@ def _held(problem: SplineProblem, point: Displaced, model, lam: Array, z: Array,
 
 
 def _admissible(problem: SplineProblem, point: Displaced) -> Array:
-    """Whether Y_u keeps above the floor and the prescribed coefficients are kept."""
+    """Whether Y_u keeps above the lower bound and the prescribed coefficients are kept."""
     low = -1e-12 * problem.rest_thickness
     above = jnp.all(jnp.where(problem.loose, problem.slack(point) >= low, True))
     missed = jnp.where(problem.fixed, point.coefficients - problem.shift, 0.0)

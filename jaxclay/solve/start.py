@@ -1,4 +1,4 @@
-"""Where a solve begins: the rough shape, the caller's heights, or an answer close by."""
+"""Initial guesses and warm starts: the rough shape, the caller's heights, or an answer close by."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxclay.methods.loop import Start, cold
+from jaxclay.methods.loop import Start, initial_guess
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_transformed
 from jaxclay.schemes.base import lifted
@@ -20,13 +20,13 @@ from jaxclay.solve.solution import Solution
 def start_of(problem: Problem, rough: Displaced, start: Any, method: str) -> Start:
     """What the caller gave as start, checked; else the rough shape, rounded for newton."""
     if start is None:
-        return cold(problem, rounded(problem, rough) if method == "newton" else rough)
+        return initial_guess(problem, rounded(problem, rough) if method == "newton" else rough)
     check_same_scheme(problem, start)
     if isinstance(start, Displaced):
         _check_one_each(problem, start.shift)
-        return cold(problem, start)
+        return initial_guess(problem, start)
     if not isinstance(start, Solution):
-        return cold(problem, start_from(problem, start))
+        return initial_guess(problem, start_from(problem, start))
     if start.problem.slices != problem.slices:
         raise ValueError(
             f"start is an answer on {start.problem.slices} slices, but this clay has "
@@ -103,9 +103,9 @@ def start_from(problem: Problem, heights: Array) -> Displaced:
     if not is_transformed(problem, heights):
         if not np.isfinite(heights).all() or (np.diff(heights) <= 0).any():
             raise ValueError("start must be finite and increase from node to node")
-        room = problem.slack(point)
-        if (room < -1e-9 * problem.rest.thickness).any():
-            i = int(np.argmin(room / problem.rest.thickness))
+        slack = problem.slack(point)
+        if (slack < -1e-9 * problem.rest.thickness).any():
+            i = int(np.argmin(slack / problem.rest.thickness))
             raise ValueError(
                 f"start, with the band where the tool wants it, makes slice {i} "
                 f"{point.thickness[i] / problem.rest.thickness[i]:.3g} times as thick as before: "

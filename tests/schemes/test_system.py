@@ -8,7 +8,7 @@ from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
 
 import jaxclay
 from jaxclay import Clay, Material, pose
-from jaxclay.methods.loop import cold
+from jaxclay.methods.loop import initial_guess
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.numerics import banded
 from jaxclay.schemes.sums import Displaced
@@ -113,7 +113,7 @@ def test_the_program_of_a_solve_is_as_small_whatever_the_slices():
     for scheme, slices in (("paper", 64), ("slices", 64), ("slices", 300)):
         problem = pose(Clay.cylinder(), REFERENCE, SNAKE, scheme, slices=slices)
         rough = jaxclay.rough_shape(problem)
-        start = cold(problem, rough.point)
+        start = initial_guess(problem, rough.point)
         values = packed(problem.system, start, NewtonSettings(), rough.feasible)
         with jax.enable_x64(True):
             counts.add(equations(jax.make_jaxpr(program.traced)(values).jaxpr))

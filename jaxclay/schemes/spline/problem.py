@@ -124,7 +124,7 @@ class SplineProblem:
 
     @property
     def floor(self) -> Array:
-        """(S * 4,) least Y_u, 0 in spans without length."""
+        """(S * 4,) lower bound of Y_u, 0 in spans without length."""
         return jnp.where(self.loose, self.material.floor * self.rest_thickness, 0.0)
 
     @property
@@ -155,12 +155,12 @@ class SplineProblem:
         return self.material.k
 
     def kinks(self, point: Displaced, eps: Array, weight: Array) -> Array:
-        """Energy of friction smoothed by eps, and of the floor's barrier."""
+        """Energy of friction smoothed by eps, and of the lower bound's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift**2 + eps**2)
         return jnp.sum(smoothed) - weight * jnp.sum(jnp.log(self.slack(point)))
 
     def slack(self, point: Displaced) -> Array:
-        """(S * 4,) Y_u above the floor."""
+        """(S * 4,) Y_u above the lower bound."""
         return jnp.where(self.loose, point.thickness - self.floor, 1.0)
 
     def shift_change(self, step: Array) -> Array:
@@ -222,7 +222,7 @@ class SplineProblem:
         shift: Array | None = None,
         gauss: Array | None = None,
     ) -> Factor:
-        """A Hessian's factor with the curvatures of floor and friction added.
+        """A Hessian's factor with the curvatures of lower bound and friction added.
 
         Where ``gauss``, that of Gauss and Newton; ``shift`` times its largest entry is
         added everywhere.
@@ -275,8 +275,8 @@ class SplineProblem:
         spans, width = self.space.spans, self.space.degree + 1
         moves = (~rests & (self.space.friction_weight > 0)).reshape(spans, -1).any(axis=1)
         entries = jnp.broadcast_to(moves[:, None], (spans, width)).astype(point.shift.dtype)
-        home = self.free & (bspline.gathered(entries, self.space.degree) == 0)
-        return self.moved(point, jnp.where(home, -point.coefficients, 0.0))
+        resting = self.free & (bspline.gathered(entries, self.space.degree) == 0)
+        return self.moved(point, jnp.where(resting, -point.coefficients, 0.0))
 
     def room(self) -> tuple[Array, Array]:
         """Length that a held upper end leaves above the band, and the least that the clay needs."""
