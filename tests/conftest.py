@@ -2,6 +2,7 @@ import contextlib
 from pathlib import Path
 
 import pytest
+import shapes  # noqa: F401 (before the package)
 from sweeps import compiled_once, experiment, read, whole  # noqa: F401 (fixtures)
 
 from jaxclay.numerics.host import let_go

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Int
 from jaxclay.numerics.checks import as_number
 from jaxclay.schemes.base import AnyDisplaced, Forces
 
@@ -29,8 +29,8 @@ class State(NamedTuple):
 
     point: AnyDisplaced
     forces: Forces
-    iterations: Array
-    finished: Array
+    iterations: Int[Array, ""]
+    finished: Bool[Array, ""]
     memory: Any
 
 

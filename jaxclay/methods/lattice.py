@@ -30,7 +30,7 @@ import numpy as np
 
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.model.energy import bending_density, friction_density, strain_density, tension_density
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Float, Scalar
 from jaxclay.numerics.host import is_concrete, pytree
 from jaxclay.schemes.base import no_forces
 from jaxclay.schemes.problem import Problem
@@ -106,7 +106,9 @@ def step(problem: Problem, state: State, settings: LatticeSettings) -> State:
     )
 
 
-def label_steps(problem: Problem, point: Displaced, spacing: Array, labels: int) -> Array:
+def label_steps(
+    problem: Problem, point: Displaced, spacing: Scalar, labels: int
+) -> Float[Array, "{problem.slices}+1 {labels}"]:
     """(n+1, m) steps of each node from the point to its labels; a fixed node's are all 0.
 
     They are even but for one: of the labels other than the present height, the
@@ -120,7 +122,9 @@ def label_steps(problem: Problem, point: Displaced, spacing: Array, labels: int)
     return jnp.where(problem.free[:, None], jnp.where(nearest & in_reach, back, even), 0.0)
 
 
-def best_on_lattice(problem: Problem, point: Displaced, steps: Array) -> tuple[Array, Array]:
+def best_on_lattice(
+    problem: Problem, point: Displaced, steps: Float[Array, "nodes m"]
+) -> tuple[Float[Array, "nodes"], Float[Array, ""]]:
     """The step (n+1,) to the contour of least E_total on a lattice, and that E_total.
 
     ``point`` is a contour above the lower bound, and ``steps`` (n+1, m) lead from it to the

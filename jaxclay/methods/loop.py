@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.methods import METHODS
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Int
 from jaxclay.numerics.host import compiled
 from jaxclay.schemes.base import AnyDisplaced, AnyProblem, Forces, no_forces
 
@@ -28,7 +28,7 @@ class Start(NamedTuple):
 
     point: Any
     forces: Forces
-    warm: Array
+    warm: Bool[Array, ""]
 
 
 class Outcome(NamedTuple):
@@ -36,9 +36,9 @@ class Outcome(NamedTuple):
 
     point: Any
     forces: Forces
-    iterations: Array
-    finished: Array
-    finite: Array
+    iterations: Int[Array, ""]
+    finished: Bool[Array, ""]
+    finite: Bool[Array, ""]
 
 
 def initial_guess(problem: AnyProblem, point: AnyDisplaced) -> Start:
@@ -48,13 +48,15 @@ def initial_guess(problem: AnyProblem, point: AnyDisplaced) -> Start:
 
 @compiled("method")
 def solve(
-    problem: AnyProblem, start: Start, settings: Any, feasible: Array, *, method: str
+    problem: AnyProblem, start: Start, settings: Any, feasible: Bool[Array, ""], *, method: str
 ) -> Outcome:
     """:func:`run`, without the certificate: one compiled call."""
     return run(problem, start, settings, feasible, method)
 
 
-def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, method: str) -> Outcome:
+def run(
+    problem: AnyProblem, start: Start, settings: Any, feasible: Bool[Array, ""], method: str
+) -> Outcome:
     """The method's loop.
 
     Stops by the method's own rule, at the limit, or before the first step that

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, fixed, iterate, namespace, repeat
+from jaxclay.numerics.arrays import Array, Float, Scalar, fixed, iterate, namespace, repeat
 
 _MOST_STEPS = 60
 _CLOSE = 1e-13
@@ -46,20 +46,20 @@ class Side(NamedTuple):
         discrete sums, where a slice takes the push at its end nearest the band.
     """
 
-    start: Array
-    stop: Array
-    slope: Array
-    displacement: Array
-    held: Array
-    graded: Array
+    start: Float[Array, "n"]
+    stop: Float[Array, "n"]
+    slope: Float[Array, "n"]
+    displacement: Scalar
+    held: Scalar
+    graded: Scalar
 
     @property
-    def width(self) -> Array:
+    def width(self) -> Float[Array, "n"]:
         """(n,) each slice's share of the material."""
         return self.stop - self.start
 
     @property
-    def span(self) -> Array:
+    def span(self) -> Float[Array, ""]:
         """The side's share of the material."""
         return self.width.sum()
 
@@ -209,7 +209,7 @@ def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push
     return jax.tree.map(lambda leaf: leaf[0], pushes), jax.tree.map(lambda leaf: leaf[1], pushes)
 
 
-def slope_change(side: Side, material: Material, sigma: Array) -> Array:
+def slope_change(side: Side, material: Material, sigma: Scalar) -> Float[Array, "n"]:
     """(n,) integral of Y_u - Y0_u over each slice, in heights: negative in compression."""
     xp = namespace(side, material, sigma)
     p = _pieces(side, material, sigma)
@@ -217,7 +217,7 @@ def slope_change(side: Side, material: Material, sigma: Array) -> Array:
     return -xp.sign(side.displacement) * moved * side.slope**2
 
 
-def move_energy(side: Side, material: Material, push: Push) -> Array:
+def move_energy(side: Side, material: Material, push: Push) -> Float[Array, ""]:
     """E_move of the side (eq. 6) at its minimum, in the continuum."""
     xp = namespace(side, material, push)
     k, mu = material.k, material.mu

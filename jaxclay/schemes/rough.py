@@ -11,7 +11,7 @@ from jaxclay.clay import text
 from jaxclay.clay.clay import Clay, unchecked_clay
 from jaxclay.model.band import Band, sides
 from jaxclay.model.side import Push, slope_change, solve_sides
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, namespace
 from jaxclay.numerics.host import (
     as_compiled,
     as_float64,
@@ -60,20 +60,20 @@ class RoughShape:
         False where a held end leaves less room than the lower bound needs.
     """
 
-    heights: Array
-    nodes: Array
+    heights: Float[Array, "nodes"]
+    nodes: Float[Array, "nodes"]
     point: Displaced
-    reach: Array
-    reach_below: Array
-    sigma: Array
-    sigma_below: Array
-    band: Array
-    bottom: Array
-    top: Array
-    floored: Array
-    feasible: Array
-    case_code: Array
-    case_below_code: Array
+    reach: Float[Array, ""]
+    reach_below: Float[Array, ""]
+    sigma: Float[Array, ""]
+    sigma_below: Float[Array, ""]
+    band: Float[Array, "2"]
+    bottom: Float[Array, ""]
+    top: Float[Array, ""]
+    floored: Bool[Array, ""]
+    feasible: Bool[Array, ""]
+    case_code: Int[Array, ""]
+    case_below_code: Int[Array, ""]
 
     def clay(self, before: Clay) -> Clay:
         """The rough shape as clay, given the clay before the squash."""
@@ -144,7 +144,7 @@ def rough_shape(problem: Any, discrete: bool = False) -> RoughShape:
         return _describe(problem, *_solve(problem, discrete))
 
 
-def rough_start(problem: Problem) -> tuple[Displaced, Array]:
+def rough_start(problem: Problem) -> tuple[Displaced, Bool[Array, ""]]:
     """Where solves start, and whether the squash is feasible: the rough shape, not described."""
     point, (below, above) = _solve(problem, discrete=False)
     return point, problem.band.feasible & below.feasible & above.feasible

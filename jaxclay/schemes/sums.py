@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from jaxclay.model.band import Rest
 from jaxclay.model.energy import Samples, Weights
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, namespace
 
 
 class Displaced(NamedTuple):
@@ -34,10 +34,10 @@ class Displaced(NamedTuple):
         Y_i - Y0_i.
     """
 
-    thickness: Array
-    shift: Array
+    thickness: Float[Array, "n"]
+    shift: Float[Array, "n+1"]
 
-    def moved(self, step: Array) -> Displaced:
+    def moved(self, step: Float[Array, "nodes"]) -> Displaced:
         """The shape after every node has moved by ``step``, (n+1,)."""
         return Displaced(self.thickness + step[1:] - step[:-1], self.shift + step)
 
@@ -61,15 +61,15 @@ class Sums(NamedTuple):
         c_i of slices 1 .. n-2, spacings and weights of X_uu at once.
     """
 
-    width: Array
-    slices: Array
-    nodes: Array
-    apart: Array
-    between: Array
-    turn: Array
+    width: Float[Array, "n"]
+    slices: Float[Array, "n"]
+    nodes: Float[Array, "n+1"]
+    apart: Float[Array, "n-1"]
+    between: Float[Array, "n-1"]
+    turn: Float[Array, "n-2"]
 
 
-def radii(rest: Rest, sums: Sums, thickness: Array) -> Array:
+def radii(rest: Rest, sums: Sums, thickness: Float[Array, "n"]) -> Float[Array, "n"]:
     """(n,) X_i = r0 sqrt(h_i / t_i), eq. 22."""
     return rest.r0 / namespace(thickness).sqrt(thickness / sums.width)
 
@@ -79,7 +79,7 @@ def sample(rest: Rest, sums: Sums, point: Displaced) -> Samples:
     return sample_contour(rest, sums, point, radii(rest, sums, point.thickness))
 
 
-def sample_contour(rest: Rest, sums: Sums, point: Displaced, X: Array) -> Samples:
+def sample_contour(rest: Rest, sums: Sums, point: Displaced, X: Float[Array, "n"]) -> Samples:
     """The same for radii X (n,) of their own, whether or not they keep the volume."""
     Y_u = point.thickness / sums.width
     X_u = (X[1:] - X[:-1]) / sums.apart
@@ -94,7 +94,7 @@ def sample_contour(rest: Rest, sums: Sums, point: Displaced, X: Array) -> Sample
     )
 
 
-def sample_free(samples: Samples, free: Array) -> Samples:
+def sample_free(samples: Samples, free: Bool[Array, "nodes"]) -> Samples:
     """Samples with the terms that touch no free node set to nothing; free is (n+1,) bool."""
     xp = namespace(samples.shift, free)
     slices: Any = free[1:] | free[:-1]

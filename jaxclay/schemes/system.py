@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.numerics import banded
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.schemes.base import Pull
 from jaxclay.schemes.sums import Displaced
@@ -40,10 +40,10 @@ class Linear(NamedTuple):
         1 at the nodes that move, 0 at the others, where the force is 0 too.
     """
 
-    between: Array
-    at_nodes: Array
-    force: Array
-    keep: Array
+    between: Float[Array, "n"]
+    at_nodes: Float[Array, "n+1"]
+    force: Float[Array, "n+1"]
+    keep: Float[Array, "n+1"]
 
 
 class System(NamedTuple):
@@ -73,58 +73,58 @@ class System(NamedTuple):
         The last is the sum of ``friction_limit``, or hardly anything.
     """
 
-    free: Array
-    target: Array
-    friction_limit: Array
-    upper: Array
-    width: Array
-    rest_thickness: Array
-    floor: Array
-    strain: Array
-    slope: Array
-    radii: tuple[Array, Array, Array]
-    apart: Array
-    tension: Array
-    change: Array
-    turn: Array
-    r0: Array
-    k: Array
-    mu: Array
-    friction_total: Array
+    free: Float[Array, "n+1"]
+    target: Float[Array, "n+1"]
+    friction_limit: Float[Array, "n+1"]
+    upper: Float[Array, "n"]
+    width: Float[Array, "n"]
+    rest_thickness: Float[Array, "n"]
+    floor: Float[Array, "n"]
+    strain: Float[Array, "n"]
+    slope: Float[Array, "n"]
+    radii: tuple[Float[Array, "n"], Float[Array, "n"], Float[Array, "n"]]
+    apart: Float[Array, "n-1"]
+    tension: Float[Array, "n-1"]
+    change: Float[Array, "n-1"]
+    turn: Float[Array, "n-2"]
+    r0: Scalar
+    k: Scalar
+    mu: Scalar
+    friction_total: Scalar
 
     # What a minimiser needs of any scheme: forces at the unknowns, at the places of friction
     # and at those of the lower bound.
 
     @property
-    def loose(self) -> Array:
+    def loose(self) -> Bool[Array, "n"]:
         """(n,) whether a slice has a free end: only those can become too thin."""
         return self.floor > 0
 
-    def slack(self, point: Displaced) -> Array:
+    def slack(self, point: Displaced) -> Float[Array, "n"]:
         """(n,) thickness above the lower bound."""
         return point.thickness - self.floor
 
-    def moved(self, point: Displaced, step: Array) -> Displaced:
+    def moved(self, point: Displaced, step: Float[Array, "nodes"]) -> Displaced:
         """The point after every node has moved by ``step``, (n+1,)."""
         return point.moved(step)
 
-    def shift_change(self, step: Array) -> Array:
+    def shift_change(self, step: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """(n+1,) by how much a step changes the displacements."""
         return step
 
-    def thickness_change(self, step: Array) -> Array:
+    def thickness_change(self, step: Float[Array, "nodes"]) -> Float[Array, "nodes-1"]:
         """(n,) by how much a step changes the thicknesses."""
         return _differences(step)
 
-    def from_shift(self, forces: Array) -> Array:
+    def from_shift(self, forces: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """(n+1,) what forces on the displacements do to the free nodes."""
         return forces
 
-    def from_thickness(self, forces: Array) -> Array:
+    def from_thickness(self, forces: Float[Array, "n"]) -> Float[Array, "n+1"]:
         """(n+1,) what forces on the thicknesses do to the free nodes."""
         return self.free * _to_nodes(forces)
 
-    def free_smooth(self, point: Displaced) -> Array:
+    def free_smooth(self, point: Displaced) -> Float[Array, ""]:
         """E_free without friction."""
         d, X = self._slopes(point)
         stretch = point.thickness / self.rest_thickness - 1
@@ -136,7 +136,7 @@ class System(NamedTuple):
             0.5 * (slices + padded(between, 0, 1) + padded(self.turn * turned * turned, 0, 2)).sum()
         )
 
-    def kinks(self, point: Displaced, eps: Array, weight: Array) -> Array:
+    def kinks(self, point: Displaced, eps: Scalar, weight: Scalar) -> Float[Array, ""]:
         """Energy of friction smoothed by eps, and of the lower bound's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift * point.shift + eps * eps)
         return (smoothed[1:] - weight * jnp.log(self.slack(point))).sum()
@@ -161,7 +161,7 @@ class System(NamedTuple):
         gradient = self._gradient(point, d, X1, by_radius)
         return Model(self.free_smooth(point), gradient, (first, beside, second, bend))
 
-    def gradient(self, point: Displaced) -> Array:
+    def gradient(self, point: Displaced) -> Float[Array, "nodes"]:
         """(n+1,) the gradient of E_free without friction."""
         d, X = self._slopes(point)
         return self._gradient(point, d, -X / (2 * point.thickness), self._by_radius(X))
@@ -181,7 +181,7 @@ class System(NamedTuple):
         by_slope = self.slope * d + _to_nodes(self.change * _differences(d))
         return self.from_thickness(strain + by_slope / self.width + X1 * by_radius)
 
-    def matrix(self, bands: Any, linear: Linear) -> Array:
+    def matrix(self, bands: Any, linear: Linear) -> Float[Array, "4 nodes"]:
         """(4, n+1) the Hessian by heights in bands, the identity where nodes are not kept."""
         first, second, third, _ = bands
         here = [padded(first + linear.between, 0, 1), padded(second, 0, 1), padded(third, 0, 1)]
@@ -196,7 +196,9 @@ class System(NamedTuple):
         masked = [keep * row * padded(keep, -k, k) for k, row in enumerate(rows)]
         return jnp.stack([masked[0] + (1 - keep), *masked[1:]])
 
-    def newton_step(self, _point: Displaced, bands: Any, pull: Pull) -> tuple[Array, Array]:
+    def newton_step(
+        self, _point: Displaced, bands: Any, pull: Pull
+    ) -> tuple[Float[Array, "nodes"], Bool[Array, ""]]:
         """(n+1,) H^-1 force on the free nodes; whether H is positive definite there."""
         return self.solve(bands, self.linear(bands, pull))
 
@@ -206,7 +208,7 @@ class System(NamedTuple):
         spread = pull.friction + 4 * pull.shift * jnp.max(bands[0])
         return Linear(between, spread, pull.force, self.free)
 
-    def solve(self, bands: Any, linear: Linear) -> tuple[Array, Array]:
+    def solve(self, bands: Any, linear: Linear) -> tuple[Float[Array, "nodes"], Bool[Array, ""]]:
         """(n+1,) H^-1 force on the nodes to keep, and whether H is positive definite there.
 
         In heights bending is of sixth order, and on fine grids the rounding of its entries hides
@@ -228,7 +230,7 @@ class System(NamedTuple):
         positive = (jnp.min(factor.pivots[:-1]) > 0) & (pivot > 0)
         return held + follow * (forward[-1] / pivot), positive
 
-    def evened(self, point: Displaced, fraction: Array) -> Displaced:
+    def evened(self, point: Displaced, fraction: Scalar) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band spread evenly.
 
         Spread evenly between its ends a side is above the lower bound if it can be at all.
@@ -242,7 +244,7 @@ class System(NamedTuple):
         moved = xp.concatenate([xp.zeros(1), xp.cumsum(change)])
         return Displaced(point.thickness + change, point.shift + self.free * moved)
 
-    def put_to_rest(self, point: Displaced, rests: Array) -> Displaced:
+    def put_to_rest(self, point: Displaced, rests: Bool[Array, "nodes"]) -> Displaced:
         """The point with the nodes that rest, a bool array, exactly where they were."""
         stays = 1 - self.free * rests
         moved = point.moved(point.shift * (stays - 1))

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxclay.clay import text
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Shaped, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.numerics.host import pytree
 from jaxclay.schemes.base import DECREMENT, SMALL, Forces
@@ -65,14 +65,14 @@ class Certificate:
         Slices on which the lower bound pushes.
     """
 
-    accepted: Array
-    decrement: Array
-    step: Array
-    residual: Array
-    positive: Array
-    admissible: Array
-    energy_free: Array
-    on_floor: Array
+    accepted: Bool[Array, ""]
+    decrement: Float[Array, ""]
+    step: Float[Array, ""]
+    residual: Float[Array, ""]
+    positive: Bool[Array, ""]
+    admissible: Bool[Array, ""]
+    energy_free: Float[Array, ""]
+    on_floor: Shaped[Array, ""]
 
     def __repr__(self) -> str:
         say, flag = text.figure, text.flag
@@ -92,7 +92,7 @@ class Certificate:
         return f"decrement {decrement} (at most {text.figure(most, '.2g')})"
 
 
-def accepted_decrement(energy_free: Array) -> Array:
+def accepted_decrement(energy_free: Float[Array, "*of"]) -> Float[Array, "*of"]:
     """The largest decrement that is accepted where E_free is this."""
     return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
 
@@ -271,6 +271,6 @@ def _admissible(system: System, point: Displaced) -> Array:
     return obeys_bound & consistent & (abs(missed).max() <= _CONSISTENT)
 
 
-def at_lower_bound(system: System, point: Displaced) -> Array:
+def at_lower_bound(system: System, point: Displaced) -> Bool[Array, "n"]:
     """(n,) slices on which the lower bound may push."""
     return system.slack(point) <= _AT_BOUND * system.rest_thickness

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.methods.loop import Outcome, Start, initial_guess
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Float
 from jaxclay.numerics.host import compiled, in_float64, is_transformed
 from jaxclay.schemes import sums
 from jaxclay.schemes.base import Forces
@@ -158,7 +158,9 @@ def _certified(problem: SplineProblem, outcome: Outcome) -> tuple[Verdict, Array
     return Verdict(clay, point, terms, certificate, code), shift
 
 
-def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
+def shape(
+    problem: SplineProblem, coefficients: Float[Array, "N"]
+) -> tuple[Clay, Float[Array, "nodes"]]:
     """The clay that coefficients (N,) describe, and the displacement at its nodes, over l.
 
     Its heights are the spline's, its edges those of the band.  The clay before where no shape
@@ -173,7 +175,7 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
     return on.shape(sums.Displaced(thickness, shift)), shift
 
 
-def rising(problem: SplineProblem, coefficients: Array) -> Array:
+def rising(problem: SplineProblem, coefficients: Float[Array, "N"]) -> Bool[Array, ""]:
     """Whether Y_u is positive between the Gauss points too, which alone see the lower bound."""
     splines, s = problem.space, jnp.arange(_PROBES) / (_PROBES - 1)
     length = splines.length[:, None]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from jaxclay.clay import text
 from jaxclay.model.energy import Terms
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, Shaped, namespace
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.host import is_concrete, kept, pytree
 from jaxclay.schemes.base import Forces
@@ -71,8 +71,12 @@ def shape_of(problem: Any, point: Any) -> Any:
 
 
 def status_code(
-    finished: Array, accepted: Array, finite: Array, feasible: Array, hidden: Array
-) -> Array:
+    finished: Bool[Array, ""],
+    accepted: Bool[Array, ""],
+    finite: Bool[Array, ""],
+    feasible: Bool[Array, ""],
+    hidden: Bool[Array, ""],
+) -> Int[Array, ""]:
     """The status of an outcome; ``hidden`` where float64 could not resolve it."""
     xp = namespace(finished, accepted, finite, feasible, hidden)
     code = xp.where(finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
@@ -134,11 +138,11 @@ class Solution:
     problem: Any
     point: Any
     forces: Forces
-    iterations: Array
-    levels: Array
+    iterations: Scalar
+    levels: Shaped[Array, "g"]
     certificate: Certificate
-    status_code: Array
-    error_estimate: Array | None = None
+    status_code: Int[Array, ""]
+    error_estimate: Scalar | None = None
     derived: Derived | None = None
     method: str = dataclasses.field(default="newton", metadata={"static": True})
 
@@ -153,7 +157,7 @@ class Solution:
         return self.problem.terms(self.point) if self.derived is None else self.derived.terms
 
     @property
-    def energy(self) -> Array:
+    def energy(self) -> Float[Array, "..."]:
         """E_total (eq. 9)."""
         return self.terms.total
 
@@ -169,12 +173,12 @@ class Solution:
         return self.problem.clay if before is None else before
 
     @property
-    def heights(self) -> Array:
+    def heights(self) -> Float[Array, "... nodes"]:
         """(n+1,) Y_i, in the clay's length unit."""
         return self.clay.heights
 
     @property
-    def unknowns(self) -> Array:
+    def unknowns(self) -> Shaped[Array, ""]:
         """How many heights or coefficients were free."""
         return self.problem.unknowns
 
