@@ -72,16 +72,18 @@ NAMES = {
     },
     "loop": {"Forces": "schemes.base.Forces"},
     "certificate": {"Forces": "schemes.base.Forces"},
+    "schemes.sums": {"Point": "schemes.sums.Displaced"},
+    "schemes.spline.space": {"Point": "schemes.spline.space.Displaced"},
 }
-"""Names that have left a module for another one than the rest."""
+"""Names that have left a module for another one than the rest, or are called otherwise."""
 
 
 def install() -> None:
     """Let imports find what has moved."""
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.append(_Finder())
-    for room in ("clay", "cli"):
-        importlib.import_module(f"jaxclay.{room}").__getattr__ = _names(room)  # type: ignore[attr-defined]
+    for old in ("clay", "cli", "schemes.sums", "schemes.spline.space"):
+        importlib.import_module(f"jaxclay.{old}").__getattr__ = _names(old)  # type: ignore[attr-defined]
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):

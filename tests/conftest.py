@@ -2,6 +2,7 @@ import contextlib
 from pathlib import Path
 
 import pytest
+import shapes  # noqa: F401 (before the package)
 from sweeps import compiled_once, experiment, read, whole  # noqa: F401 (fixtures)
 
 from jaxclay.numerics.host import let_go
@@ -30,7 +31,7 @@ def own_lock(tmp_path_factory):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def room_for_executables():
+def few_executables():
     """Let go of what is compiled before a process has too many mappings."""
     yield
     let_go()

@@ -109,7 +109,7 @@ def _breaks_floor(Y, Y0, i, floor):
 
 
 def discrete_minimum(problem):
-    """Heights of least discrete E_move above the floor, as a convex QP, by Clarabel.
+    """Heights of least discrete E_move above the lower bound, as a convex QP, by Clarabel.
 
     Unknowns: Y, then e_i >= |Y_i - Y0_i|.
     """

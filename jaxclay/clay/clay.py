@@ -18,7 +18,7 @@ from jaxclay.clay import text
 from jaxclay.clay.contour import contour_error
 from jaxclay.clay.html import clay_html
 from jaxclay.clay.slicing import clip_radii, equal_volume_heights
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Float, Scalar, namespace
 from jaxclay.numerics.checks import (
     check_increasing,
     check_nodes,
@@ -166,17 +166,17 @@ class Clay:
         return self.thickness.shape[0]
 
     @property
-    def radii(self) -> Array:
+    def radii(self) -> Float[Array, "n"]:
         """(n,) radius of each slice, length (eq. 22)."""
         return self.r0 / (self.thickness / (self.material[1:] - self.material[:-1])) ** 0.5
 
     @property
-    def volume(self) -> Array:
+    def volume(self) -> Float[Array, "..."]:
         """Volume of the stack of slices, length^3; pi r0^2, which nothing changes (eq. 2)."""
         return np.pi * self.r0**2
 
     @property
-    def height(self) -> Array:
+    def height(self) -> Float[Array, "..."]:
         """Y_n, length."""
         return self.heights[-1]
 
@@ -192,18 +192,18 @@ class Clay:
         """Y(u) between the nodes: :mod:`jaxclay.numerics.interpolation`."""
         return interpolant(self.material, self.heights, self.thickness, self.edges, self.r0)
 
-    def height_at(self, u: Array) -> Array:
+    def height_at(self, u: Array) -> Float[Array, "..."]:
         """Height Y(u) at the material coordinates u in [0, 1], length; at nodes exactly Y_i.
 
         Between the nodes cubic, of order 4, and rising: :mod:`jaxclay.numerics.interpolation`.
         """
         return self.interpolant.height(within("u", u, 0.0, 1.0))
 
-    def material_at(self, height: Array) -> Array:
+    def material_at(self, height: Array) -> Float[Array, "..."]:
         """The u with Y(u) = height: the fraction of the volume below heights in [0, Y_n]."""
         return self.interpolant.inverse(within("height", height, 0.0, self.height))
 
-    def radius_at(self, height: Array) -> Array:
+    def radius_at(self, height: Array) -> Float[Array, "..."]:
         """Radius X = r0 Y_u^-1/2 (eq. 3) at heights in [0, Y_n], length; above where it jumps."""
         return self.r0 / self.interpolant.slope(self.material_at(height)) ** 0.5
 
@@ -257,12 +257,12 @@ class Converted(NamedTuple):
     error: float
 
 
-def equal_nodes(slices: int) -> np.ndarray:
+def equal_nodes(slices: int) -> Float[Array, "{slices}+1"]:
     """(n+1,) i/n, the nodes of slices of equal volume."""
     return np.arange(slices + 1) / slices
 
 
-def on_nodes(clay: Clay, nodes: Array) -> Clay:
+def on_nodes(clay: Clay, nodes: Float[Array, "nodes"]) -> Clay:
     """The clay on other nodes; what lies on its own nodes stays bit for bit."""
     xp = namespace(clay, nodes)
     heights, thickness = clay.interpolant.on(nodes)
@@ -273,12 +273,12 @@ def on_nodes(clay: Clay, nodes: Array) -> Clay:
 
 
 def unchecked_clay(
-    heights: Array,
-    thickness: Array,
-    r0: Array,
-    unit: Array,
-    material: Array | None = None,
-    edges: Array | None = None,
+    heights: Float[Array, "nodes"],
+    thickness: Float[Array, "nodes-1"],
+    r0: Scalar,
+    unit: Scalar,
+    material: Float[Array, "nodes"] | None = None,
+    edges: Float[Array, "m 2"] | None = None,
 ) -> Clay:
     """A Clay from arrays that may be traced, or a solver's word; no validation."""
     material = equal_nodes(thickness.shape[0]) if material is None else material

@@ -7,10 +7,11 @@ edges of tools are points, and both ends, extrapolated.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from jaxclay.numerics.arrays import Array, Bool, Float
 from jaxclay.numerics.distance import farthest
 
 _STEEPEST = 0.25  # of the last slice's radius: least radius of an end
@@ -20,32 +21,32 @@ class Piece(Protocol):
     """What has a contour: a Clay, whose attributes these are."""
 
     @property
-    def heights(self) -> Any:
+    def heights(self) -> Float[Array, "n+1"]:
         """(n+1,) Y_i, length."""
         ...
 
     @property
-    def thickness(self) -> Any:
+    def thickness(self) -> Float[Array, "n"]:
         """(n,) t_i, length."""
         ...
 
     @property
-    def unit(self) -> Any:
+    def unit(self) -> Float[Array, ""]:
         """l, length."""
         ...
 
     @property
-    def material(self) -> Any:
+    def material(self) -> Float[Array, "n+1"]:
         """(n+1,) u_i."""
         ...
 
     @property
-    def edges(self) -> Any:
+    def edges(self) -> Float[Array, "m 2"]:
         """(m, 2) material and radius of edges."""
         ...
 
     @property
-    def radii(self) -> Any:
+    def radii(self) -> Float[Array, "n"]:
         """(n,) X_i, length."""
         ...
 
@@ -55,7 +56,7 @@ class Piece(Protocol):
         ...
 
 
-def polyline(clay: Piece) -> np.ndarray:
+def polyline(clay: Piece) -> Float[Array, "m 2"]:
     """(m, 2) points (radius, height) of the half-contour, from axis to axis, length.
 
     One point a slice and an edge, and two at each end.
@@ -65,7 +66,7 @@ def polyline(clay: Piece) -> np.ndarray:
     return np.concatenate([[[0.0, bottom]], points, [[0.0, top]]])
 
 
-def slice_points(clay: Piece) -> np.ndarray:
+def slice_points(clay: Piece) -> Float[Array, "m 2"]:
     """(m, 2) points (radius, height): slices' middles, edges and both ends, from bottom to top."""
     y, X, nodes = (np.asarray(v) for v in (clay.heights, clay.radii, clay.material))
     u, radius = np.asarray(clay.edges).T
@@ -136,7 +137,7 @@ def _within(points: np.ndarray, heights: np.ndarray) -> np.ndarray:
     return np.where(there, radius[j - 1] + slope * (ends - y[j - 1]), 0.0)
 
 
-def rises(clay: Piece) -> np.ndarray:
+def rises(clay: Piece) -> Bool[Array, "{clay.slices}"]:
     """(n,) whether heights rise over each slice."""
     thickness = np.asarray(clay.thickness)
     return (thickness > 0) & np.isfinite(thickness) & (np.diff(clay.heights) >= 0)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from jaxclay.numerics.arrays import Array, Float
 from jaxclay.numerics.checks import check_positive
 
 
-def clip_radii(radii: np.ndarray, minimum: float | None) -> np.ndarray:
+def clip_radii(radii: Float[Array, "m"], minimum: float | None) -> Float[Array, "m"]:
     """The radii, raised to ``minimum`` if given; an error names the first that is no radius."""
     if minimum is not None:
         check_positive("minimum_radius", minimum)
@@ -23,7 +24,9 @@ def clip_radii(radii: np.ndarray, minimum: float | None) -> np.ndarray:
     return radii if minimum is None else np.maximum(radii, minimum)
 
 
-def equal_volume_heights(y: np.ndarray, radii: np.ndarray, slices: int) -> np.ndarray:
+def equal_volume_heights(
+    y: Float[Array, "m"], radii: Float[Array, "m"], slices: int
+) -> Float[Array, "{slices}+1"]:
     """Heights (slices+1,) that cut the frusta through (y, radii) into equal volumes."""
     ra, dr, dy = radii[:-1], np.diff(radii), np.diff(y)
     volume = dy * (ra * ra + ra * dr + dr * dr / 3)

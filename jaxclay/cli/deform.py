@@ -203,10 +203,10 @@ def describe(text: str, solution: Solution, error: float) -> str:
     if solution.error_estimate is not None:
         accuracy = f", {int(solution.unknowns)} unknowns, contour within {error:.1e} of "
         accuracy += "the height, the profile's slices included"
-    floor = ", thickness floor active" if certificate.on_floor or rough.floored else ""
+    bound = ", lower bound active" if certificate.on_floor or rough.floored else ""
     return "\n".join(
         (
-            f"squash {text}: {case}{floor}, {solution.status} after {int(solution.iterations)} "
+            f"squash {text}: {case}{bound}, {solution.status} after {int(solution.iterations)} "
             f"iterations of {solution.method} on {clay.slices} slices{accuracy}",
             f"  band {float(rough.bottom):.6g} to {float(rough.top):.6g}, "
             f"reach u1 = {float(rough.reach):.4g}",

@@ -2,8 +2,8 @@
 
 Choose ``newton`` unless you study methods: the others are baselines, or the paper's own.
 ``base``: what a method is.  ``loop``: the one loop that runs them.  ``choice``: a name and settings
-to a method.  ``smoothed``: stages, floor and stopping around any descent of smooth functions; to
-add one, start there.  ``stages``, ``penalties``: friction smoothed on nodes and on splines.
+to a method.  ``smoothed``: stages, lower bound and stopping around any descent of smooth functions;
+to add one, start there.  ``stages``, ``penalties``: friction smoothed on nodes and on splines.
 ``coordinates``, ``thickness``: what a descent's unknowns are.
 
 It may import ``numerics``, ``clay``, ``model`` and ``schemes``.

@@ -1,6 +1,6 @@
 """``adam``: Adam over the thicknesses, the first-order baseline that people know.
 
-The iterations are optax's own (Kingma and Ba 2015), each clipped to the floor.
+The iterations are optax's own (Kingma and Ba 2015), each clipped to the lower bound.
 Adam's steps do not shrink by themselves: when the least energy has not fallen for a
 while, it starts anew from there at half the step.  Stages are in
 :mod:`jaxclay.methods.smoothed`; a stage ends at its best shape, or at the last one

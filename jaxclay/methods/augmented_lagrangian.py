@@ -7,7 +7,7 @@ Over Y and X, E_total is convex: quadratics and friction.  What is not is eq. 22
 which enters as sum h_i (m_i c_i + rho/2 c_i^2).  Each stage of friction
 (:mod:`jaxclay.methods.stages`) ends with m_i += rho c_i, and rho grows where the
 largest |c_i| has not fallen to a quarter (Hestenes 1969, Powell 1969; Nocedal and
-Wright 2006, section 17.3).  The minimiser inside is jaxopt's L-BFGS; the floor is the
+Wright 2006, section 17.3).  The minimiser inside is jaxopt's L-BFGS; the lower bound is the
 stages' penalty, and scenes on which it is active take more iterations than the limit.
 
 The answer is Y alone: its radii follow from eq. 22, so its volume is exact however
@@ -33,7 +33,7 @@ from jaxclay.numerics.host import pytree
 from jaxclay.schemes import sums
 from jaxclay.schemes.base import lifted, no_forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _GROWTH = 10.0  # of rho
 _FALLS = 0.25  # what of the violation may be left if rho is to stay
@@ -58,7 +58,7 @@ class _Memory(NamedTuple):
     x: Array  # (2n+1,) steps of the nodes, then changes of the radii
     descent: Any
 
-    def shape(self, problem: Problem, x: Array) -> tuple[Point, Array]:
+    def shape(self, problem: Problem, x: Array) -> tuple[Displaced, Array]:
         """Heights and radii at x."""
         nodes = problem.slices + 1
         step = jnp.where(self.stage.moves(problem), x[:nodes], 0.0)
@@ -87,7 +87,7 @@ class _Memory(NamedTuple):
         return self._replace(x=x, descent=JAXOPT.init(self.task(problem, settings), x))
 
 
-def init(problem: Problem, start: Point, settings: LagrangianSettings) -> State:
+def init(problem: Problem, start: Displaced, settings: LagrangianSettings) -> State:
     """Start with the radii of eq. 22 and without multipliers."""
     m, n = problem.material, problem.slices
     radii = sums.radii(problem.rest, problem.sums, start.thickness)
@@ -139,7 +139,7 @@ def _turned(
     return following.started(problem, settings), finished
 
 
-def _constraint(problem: Problem, point: Point, radii: Array) -> Array:
+def _constraint(problem: Problem, point: Displaced, radii: Array) -> Array:
     """(n,) c_i, 0 where neither end of a slice is free."""
     c = radii**2 * point.thickness / problem.sums.width / problem.rest.r0**2 - 1
     return jnp.where(problem.loose, c, 0.0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Int
 from jaxclay.numerics.checks import as_number
-from jaxclay.schemes.base import AnyPoint, Forces
+from jaxclay.schemes.base import AnyDisplaced, Forces
 
 
 class State(NamedTuple):
@@ -15,7 +15,7 @@ class State(NamedTuple):
 
     Attributes
     ----------
-    point : AnyPoint
+    point : AnyDisplaced
         The shape.
     forces : Forces
         Its multipliers; zeros where the method knows none.
@@ -27,10 +27,10 @@ class State(NamedTuple):
         What the next step needs besides.
     """
 
-    point: AnyPoint
+    point: AnyDisplaced
     forces: Forces
-    iterations: Array
-    finished: Array
+    iterations: Int[Array, ""]
+    finished: Bool[Array, ""]
     memory: Any
 
 

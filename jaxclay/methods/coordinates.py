@@ -13,7 +13,7 @@ from jaxclay.methods.penalties import Penalties
 from jaxclay.methods.stages import Stage
 from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array
-from jaxclay.schemes.base import AnyPoint, AnyProblem
+from jaxclay.schemes.base import AnyDisplaced, AnyProblem
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.system import Linear
@@ -66,7 +66,7 @@ class Coordinates(NamedTuple):
     curvature: Array
     bounds: Bounds = Unbounded()
 
-    def point(self, problem: AnyProblem, stage: AnyStage, x: Array) -> AnyPoint:
+    def point(self, problem: AnyProblem, stage: AnyStage, x: Array) -> AnyDisplaced:
         """The shape at x."""
         step = self.scale @ x if self.scale.ndim else self.scale * x
         return problem.moved(stage.base, jnp.where(stage.moves(problem), step, 0.0))

@@ -24,7 +24,7 @@ from jaxclay.numerics.host import is_concrete, pytree
 from jaxclay.schemes import sums
 from jaxclay.schemes.base import no_forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _APART = 4  # nodes between lanes: one more than the reach of a move
 _BLOCK = 512  # sweeps started before their ends are looked at
@@ -71,7 +71,7 @@ class RefinedSettings:
             check_setting("threshold", self.threshold, 1)
 
 
-def _init(problem: Problem, start: Point, settings) -> State:
+def _init(problem: Problem, start: Displaced, settings) -> State:
     nothing_to_do = ~jnp.any(problem.free)
     step = jnp.asarray(settings.step)
     return State(start, no_forces(problem), jnp.asarray(0), nothing_to_do, memory=step)
@@ -124,7 +124,7 @@ class _Lanes(NamedTuple):
         return _Lanes(*(jnp.stack([a[1], a[2], a[3], jnp.roll(a[0], -1)]) for a in self))
 
 
-def _sweep(problem: Problem, point: Point, step, sweeps, threshold):
+def _sweep(problem: Problem, point: Displaced, step, sweeps, threshold):
     """At most ``sweeps`` sweeps: the shape, how many were made, whether the threshold ended it."""
     n = problem.slices
     lanes = _lay_out(problem, point)
@@ -149,7 +149,7 @@ def _sweep(problem: Problem, point: Point, step, sweeps, threshold):
     return _gather(lanes, n), done, stopped
 
 
-def _lay_out(problem: Problem, point: Point) -> _Lanes:
+def _lay_out(problem: Problem, point: Displaced) -> _Lanes:
     n, w = problem.slices, problem.sums
     slots = -(-(n + 1 + _APART) // _APART) * _APART
 
@@ -174,10 +174,10 @@ def _lay_out(problem: Problem, point: Point) -> _Lanes:
     )
 
 
-def _gather(lanes: _Lanes, n: int) -> Point:
+def _gather(lanes: _Lanes, n: int) -> Displaced:
     nodes = lanes.node.T.reshape(-1)
     place = jnp.argsort(jnp.where(nodes < 0, n + 1, nodes))
-    return Point(
+    return Displaced(
         lanes.thickness.T.reshape(-1)[place[:n]], lanes.shift.T.reshape(-1)[place[: n + 1]]
     )
 

@@ -30,11 +30,11 @@ import numpy as np
 
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.model.energy import bending_density, friction_density, strain_density, tension_density
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Float, Scalar
 from jaxclay.numerics.host import is_concrete, pytree
 from jaxclay.schemes.base import no_forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _ROUNDING = 1e-12  # of the energy: a smaller fall is none
 
@@ -72,8 +72,8 @@ class _Slices(NamedTuple):
 
     Attributes
     ----------
-    slope, radius : Y_u and X_i; those at rest where t_i is below the floor
-    energy : strain and tension of the slice, friction of its upper node; inf below the floor
+    slope, radius : Y_u and X_i; those at rest where t_i is below the lower bound
+    energy : strain and tension of the slice, friction of its upper node; inf below the lower bound
     """
 
     slope: Array
@@ -81,7 +81,7 @@ class _Slices(NamedTuple):
     energy: Array
 
 
-def init(problem: Problem, start: Point, settings: LatticeSettings) -> State:
+def init(problem: Problem, start: Displaced, settings: LatticeSettings) -> State:
     """Lay the widest lattice around the start."""
     nothing_to_do = ~jnp.any(problem.free)
     spacing = jnp.asarray(settings.spacing)
@@ -106,24 +106,28 @@ def step(problem: Problem, state: State, settings: LatticeSettings) -> State:
     )
 
 
-def label_steps(problem: Problem, point: Point, spacing: Array, labels: int) -> Array:
+def label_steps(
+    problem: Problem, point: Displaced, spacing: Scalar, labels: int
+) -> Float[Array, "{problem.slices}+1 {labels}"]:
     """(n+1, m) steps of each node from the point to its labels; a fixed node's are all 0.
 
     They are even but for one: of the labels other than the present height, the
     nearest to the rest height is put onto it.
     """
     even = spacing * (jnp.arange(labels) - labels // 2)
-    home = -point.shift[:, None]
-    apart = jnp.where(even == 0, jnp.inf, jnp.abs(even - home))
+    back = -point.shift[:, None]
+    apart = jnp.where(even == 0, jnp.inf, jnp.abs(even - back))
     nearest = jnp.arange(labels) == jnp.argmin(apart, axis=1)[:, None]
-    in_reach = (home != 0) & (jnp.abs(home) <= spacing * labels / 2)
-    return jnp.where(problem.free[:, None], jnp.where(nearest & in_reach, home, even), 0.0)
+    in_reach = (back != 0) & (jnp.abs(back) <= spacing * labels / 2)
+    return jnp.where(problem.free[:, None], jnp.where(nearest & in_reach, back, even), 0.0)
 
 
-def best_on_lattice(problem: Problem, point: Point, steps: Array) -> tuple[Array, Array]:
+def best_on_lattice(
+    problem: Problem, point: Displaced, steps: Float[Array, "nodes m"]
+) -> tuple[Float[Array, "nodes"], Float[Array, ""]]:
     """The step (n+1,) to the contour of least E_total on a lattice, and that E_total.
 
-    ``point`` is a contour above the floor, and ``steps`` (n+1, m) lead from it to the
+    ``point`` is a contour above the lower bound, and ``steps`` (n+1, m) lead from it to the
     labels of each node, as :func:`label_steps` gives them.  That E_total is inf where the
     floor forbids every contour.
     """
@@ -153,11 +157,11 @@ def best_on_lattice(problem: Problem, point: Point, steps: Array) -> tuple[Array
     return jnp.take_along_axis(steps, labels[:, None], axis=1)[:, 0], jnp.min(last) + constant
 
 
-def _slices(problem: Problem, point: Point, steps: Array) -> _Slices:
+def _slices(problem: Problem, point: Displaced, steps: Array) -> _Slices:
     m, sums = problem.material, problem.sums
     t = point.thickness[:, None, None] + steps[1:, None, :] - steps[:-1, :, None]
     t0 = problem.rest.thickness[:, None, None]
-    # The contour itself stays allowed where rounding has put it below the floor.
+    # The contour itself stays allowed where rounding has put it below the lower bound.
     allowed = t >= jnp.minimum(problem.floor, point.thickness)[:, None, None]
     t = jnp.where(allowed, t, t0)
     slope = t / sums.width[:, None, None]

@@ -1,4 +1,4 @@
-"""``lbfgsb``: L-BFGS-B over the thicknesses, which makes the floor plain boxes.
+"""``lbfgsb``: L-BFGS-B over the thicknesses, which makes lower bounds plain boxes.
 
 The iterations are jaxopt's own (Byrd, Lu and Nocedal 1995); the unknowns are in
 :mod:`jaxclay.methods.thickness`, stages and stopping in
@@ -39,6 +39,6 @@ METHOD = method(
     Descent(_init, _advance),
     normalised(eliminated),
     EPS,
-    "jaxopt's L-BFGS-B in the thicknesses, above the floor",
+    "jaxopt's L-BFGS-B in the thicknesses, above the lower bound",
     BoundedSettings,
 )

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.methods import METHODS
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Int
 from jaxclay.numerics.host import compiled
-from jaxclay.schemes.base import AnyPoint, AnyProblem, Forces, no_forces
+from jaxclay.schemes.base import AnyDisplaced, AnyProblem, Forces, no_forces
 
 
 class Start(NamedTuple):
@@ -19,7 +19,7 @@ class Start(NamedTuple):
 
     Attributes
     ----------
-    point : AnyPoint
+    point : AnyDisplaced
     forces : Forces
         Multipliers; they count where ``warm``.
     warm : bool
@@ -28,7 +28,7 @@ class Start(NamedTuple):
 
     point: Any
     forces: Forces
-    warm: Array
+    warm: Bool[Array, ""]
 
 
 class Outcome(NamedTuple):
@@ -36,25 +36,27 @@ class Outcome(NamedTuple):
 
     point: Any
     forces: Forces
-    iterations: Array
-    finished: Array
-    finite: Array
+    iterations: Int[Array, ""]
+    finished: Bool[Array, ""]
+    finite: Bool[Array, ""]
 
 
-def cold(problem: AnyProblem, point: AnyPoint) -> Start:
-    """A start of which only the shape is known."""
+def initial_guess(problem: AnyProblem, point: AnyDisplaced) -> Start:
+    """A start of which only the shape is known, unlike a warm start."""
     return Start(point, no_forces(problem), np.asarray(False))
 
 
 @compiled("method")
 def solve(
-    problem: AnyProblem, start: Start, settings: Any, feasible: Array, *, method: str
+    problem: AnyProblem, start: Start, settings: Any, feasible: Bool[Array, ""], *, method: str
 ) -> Outcome:
     """:func:`run`, without the certificate: one compiled call."""
     return run(problem, start, settings, feasible, method)
 
 
-def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, method: str) -> Outcome:
+def run(
+    problem: AnyProblem, start: Start, settings: Any, feasible: Bool[Array, ""], method: str
+) -> Outcome:
     """The method's loop.
 
     Stops by the method's own rule, at the limit, or before the first step that
@@ -83,5 +85,5 @@ def run(problem: AnyProblem, start: Start, settings: Any, feasible: Array, metho
     return Outcome(state.point, state.forces, state.iterations, state.finished, finite)
 
 
-def _finite(point: AnyPoint) -> Array:
+def _finite(point: AnyDisplaced) -> Array:
     return jnp.all(jnp.isfinite(point.thickness)) & jnp.all(jnp.isfinite(point.shift))

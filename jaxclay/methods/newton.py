@@ -1,8 +1,8 @@
-"""``newton``: primal-dual Newton on E_total with friction and floor as they are.
+"""``newton``: primal-dual Newton on E_total with friction and lower bound as they are.
 
 The kinks of friction are smoothed as sqrt(d^2 + eps^2), but its force lam is an
 unknown of its own (Chan, Golub and Mulet 1999), so that Newton's region of
-convergence does not shrink with eps; the floor is an interior-point barrier.
+convergence does not shrink with eps; the lower bound is an interior-point barrier.
 Where the Hessian is not positive definite, as on every rough shape with a jump
 of radius, Gauss and Newton's takes its place.  At the end the nodes that hardly
 moved are put back to rest exactly.
@@ -22,7 +22,7 @@ import numpy as np
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_concrete, pytree
-from jaxclay.schemes.base import DECREMENT, SMALL, AnyPoint, Forces, Newtonian, Pull, no_forces
+from jaxclay.schemes.base import DECREMENT, SMALL, AnyDisplaced, Forces, Newtonian, Pull, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
@@ -33,7 +33,7 @@ _ROUNDING = 1e-17  # first shift of a matrix that is not positive definite, over
 _HELD = DECREMENT / 2  # of the energy: what the barrier's last weights cost where the floor pushes
 _EAGER = 1e-3  # barrier weight over promised gain
 _BACKTRACKS = 14
-_TO_BOUNDARY = 0.99  # of the way to the floor that a step may go
+_TO_BOUNDARY = 0.99  # of the way to the lower bound that a step may go
 
 
 @pytree
@@ -79,13 +79,13 @@ class Memory(NamedTuple):
     failures: Array
 
 
-def init(problem: Newtonian, start: AnyPoint, settings: NewtonSettings) -> State:
-    """Start off the floor, with multipliers that fit the smoothing."""
+def init(problem: Newtonian, start: AnyDisplaced, settings: NewtonSettings) -> State:
+    """Start off the lower bound, with multipliers that fit the smoothing."""
     return resume(problem, start, no_forces(problem), np.asarray(False), settings)
 
 
 def resume(
-    problem: Newtonian, start: AnyPoint, forces: Forces, warm: Array, settings: NewtonSettings
+    problem: Newtonian, start: AnyDisplaced, forces: Forces, warm: Array, settings: NewtonSettings
 ) -> State:
     """The same; where the start is a minimum close by, with the multipliers there."""
     xp = namespace(problem.friction_limit, start.shift, forces.friction, warm)
@@ -118,18 +118,18 @@ def asked(problem: Newtonian, state: State, model: Any) -> Pull:
     point, (lam, z), memory = state.point, state.forces, state.memory
     limit, d = problem.friction_limit, point.shift
     energy = model.value + limit @ jnp.abs(d)
-    phi, room = jnp.sqrt(d * d + memory.eps * memory.eps), problem.slack(point)
-    # Where the floor pushes hard its last weight leaves a slack well above rounding.
+    phi, slack = jnp.sqrt(d * d + memory.eps * memory.eps), problem.slack(point)
+    # Where the lower bound pushes hard its last weight leaves a slack well above rounding.
     pushes = z * problem.rest_thickness
     hard = pushes / jnp.maximum(pushes.sum(), energy)
     weight = _barrier(problem, energy, memory) + _HELD * energy * hard
     force = model.gradient + problem.from_shift(limit * d / phi)
-    force -= problem.from_thickness(weight / room)
+    force -= problem.from_thickness(weight / slack)
     curvature = jnp.maximum(limit - lam * d / phi, 0.0) / phi
     # After a failure Gauss and Newton's matrix, then with a growing shift.
     fails = jnp.minimum(memory.failures, 1.0)
     shift = _ROUNDING * jnp.maximum(4.0**memory.failures - 4.0, 0.0)
-    return Pull(z / room, curvature, shift, fails, force, energy, weight)
+    return Pull(z / slack, curvature, shift, fails, force, energy, weight)
 
 
 def taken(
@@ -147,7 +147,7 @@ def taken(
     fitting = limit * d / jnp.sqrt(d * d + eps * eps)
     change = fitting - lam + pull.friction * problem.shift_change(delta)
     lam = jnp.maximum(jnp.minimum(lam + length * change, limit), -limit)
-    z = jnp.where(positive, _floor_step(problem, point, z, delta, pull.weight), z)
+    z = jnp.where(positive, _bound_step(problem, point, z, delta, pull.weight), z)
 
     gate = settings.tolerance * jnp.maximum(pull.energy, SMALL)
     total = problem.friction_total
@@ -179,7 +179,7 @@ def _line_search(problem, point, value, delta, gain, eps, weight, wanted) -> Arr
         length, _, tries = carry
         length = length / 2
         there = problem.moved(point, length * delta)
-        # Not a number below the floor, and so never lower.
+        # Not a number below the lower bound, and so never lower.
         merit = problem.free_smooth(there) + problem.kinks(there, eps, weight)
         lowers = (merit <= here - 2e-4 * length * gain + rounding) | (gain <= rounding)
         return length, ~(lowers & jnp.isfinite(merit)), tries + 1
@@ -189,21 +189,21 @@ def _line_search(problem, point, value, delta, gain, eps, weight, wanted) -> Arr
     return jnp.where(fails | (tries == 0), 0.0, length)
 
 
-def _longest(problem: Newtonian, point: AnyPoint, delta: Array) -> Array:
-    """Largest step up to 1 that stays well above the floor."""
+def _longest(problem: Newtonian, point: AnyDisplaced, delta: Array) -> Array:
+    """Largest step up to 1 that stays well above the lower bound."""
     shrinks = jnp.max(-problem.thickness_change(delta) / problem.slack(point))
     return _TO_BOUNDARY / jnp.maximum(shrinks, _TO_BOUNDARY)
 
 
-def _floor_step(problem, point, z, delta, weight) -> Array:
-    """The floor's forces after a Newton step, kept positive."""
-    room = problem.slack(point)
-    change = (weight - z * problem.thickness_change(delta)) / room - z
+def _bound_step(problem, point, z, delta, weight) -> Array:
+    """The lower bound's forces after a Newton step, kept positive."""
+    slack = problem.slack(point)
+    change = (weight - z * problem.thickness_change(delta)) / slack - z
     return z + change * (_TO_BOUNDARY / jnp.maximum(jnp.max(-change / z), _TO_BOUNDARY))
 
 
 def _barrier(problem: Newtonian, energy: Array, memory: Memory) -> Array:
-    """Weight of the floor's logarithms: high while much is to be gained, and falling with eps.
+    """Weight of the lower bound's logarithms: high while there is much to gain, falling with eps.
 
     Its least value is no matter to the certificate.
     """
@@ -213,8 +213,8 @@ def _barrier(problem: Newtonian, energy: Array, memory: Memory) -> Array:
     return (least + smoothing + _EAGER * memory.gain) / problem.floor.shape[0]
 
 
-def _interior(problem: Newtonian, start: AnyPoint) -> AnyPoint:
-    """The start, drawn off the floor if it touches."""
+def _interior(problem: Newtonian, start: AnyDisplaced) -> AnyDisplaced:
+    """The start, drawn off the lower bound if it touches."""
     xp = namespace(problem.friction_limit, start.shift)
     touches = xp.min(problem.slack(start) / problem.rest_thickness) < 1e-3
     inside = problem.evened(start, 0.1)

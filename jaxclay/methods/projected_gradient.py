@@ -1,7 +1,7 @@
 """``projected-gradient``: accelerated projected gradient over the thicknesses.
 
 The iterations are jaxopt's own (Beck and Teboulle 2009, with backtracking).  The
-projection goes to the shapes that are above the floor and end where a held end
+projection goes to the shapes that are above the lower bound and end where a held end
 is, exactly: see :class:`jaxclay.methods.thickness.Simplex`.  An iteration that
 raises the energy starts the momentum anew (O'Donoghue and Candes 2015), without which
 it oscillates; where one without momentum does, rounding has the last word.
@@ -46,6 +46,6 @@ METHOD = method(
     Descent(_init, _advance),
     normalised(summed),
     EPS,
-    "jaxopt's accelerated projected gradient in the thicknesses, above the floor",
+    "jaxopt's accelerated projected gradient in the thicknesses, above the lower bound",
     BoundedSettings,
 )

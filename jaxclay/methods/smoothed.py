@@ -3,7 +3,7 @@
 A minimiser knows one iteration.  Around it each stage of
 :mod:`jaxclay.methods.stages`, or on splines of :mod:`jaxclay.methods.penalties`, is
 minimised in coordinates of its own (:mod:`jaxclay.methods.coordinates`); what lies
-below the floor is lifted onto it.
+below the lower bound is lifted onto it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from jaxclay.methods.penalties import Penalties, first_penalties, next_penalties
 from jaxclay.methods.stages import first_stage, next_stage
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import is_concrete, pytree
-from jaxclay.schemes.base import AnyPoint, AnyProblem, lifted, no_forces
+from jaxclay.schemes.base import AnyDisplaced, AnyProblem, lifted, no_forces
 from jaxclay.schemes.spline.problem import SplineProblem
 
 # Smoothing of friction, over the unit l.  In Y the kinks soon stop L-BFGS; scaled coordinates
@@ -104,7 +104,7 @@ def method(
         inner = descent.init(_task(problem, stage, chart, settings), chart.start)
         return _Memory(stage, chart, chart.start, inner)
 
-    def init(problem: AnyProblem, start: AnyPoint, settings: Any) -> State:
+    def init(problem: AnyProblem, start: AnyDisplaced, settings: Any) -> State:
         memory = begun(problem, _first(problem, start, ladder), settings)
         nothing = ~jnp.any(problem.free)
         return State(start, no_forces(problem), jnp.asarray(0), nothing, memory)
@@ -135,13 +135,13 @@ def method(
     return Method(settings, init, step, summary, splines=on_splines is not None)
 
 
-def _first(problem: AnyProblem, start: AnyPoint, ladder: tuple[float, ...]) -> AnyStage:
+def _first(problem: AnyProblem, start: AnyDisplaced, ladder: tuple[float, ...]) -> AnyStage:
     if isinstance(problem, SplineProblem):
         return first_penalties(problem, start)
     return first_stage(start, ladder)
 
 
-def _next(problem: Any, point: AnyPoint, stage: AnyStage) -> tuple[AnyStage, Array]:
+def _next(problem: Any, point: AnyDisplaced, stage: AnyStage) -> tuple[AnyStage, Array]:
     if isinstance(stage, Penalties):
         return next_penalties(problem, point, stage)
     return next_stage(problem, point, stage)

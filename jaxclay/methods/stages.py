@@ -1,9 +1,9 @@
-"""Friction and floor for minimisers of smooth functions, in stages.
+"""Friction and lower bound for minimisers of smooth functions, in stages.
 
 Friction is smoothed as sqrt(d^2 + eps^2) with eps stepped down.  Then the nodes
 that hardly moved are pinned at rest, the others keep their sign of friction,
 and the energy is smooth as it is; pins are moved until they agree with the
-forces.  Below the thickness floor the energy goes on with a steep penalty
+forces.  Below the lower bound of thickness the energy goes on with a steep penalty
 instead of infinity, at which line searches break down.
 """
 
@@ -16,10 +16,10 @@ import jax.numpy as jnp
 from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.base import SMALL, Forces, no_forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _PINNINGS = 10
-_PENALTY = 1e3  # first weight of the floor's penalty over k; grows as eps falls
+_PENALTY = 1e3  # first weight of the lower bound's penalty over k; grows as eps falls
 
 
 class Stage(NamedTuple):
@@ -27,7 +27,7 @@ class Stage(NamedTuple):
 
     Attributes
     ----------
-    base : Point
+    base : Displaced
         Where it starts.
     number : int
         From 0; the rungs of the ladder first, then the pinnings.
@@ -39,7 +39,7 @@ class Stage(NamedTuple):
         The eps of each smoothed stage, over the unit l.
     """
 
-    base: Point
+    base: Displaced
     number: Array
     signs: Array
     pinned: Array
@@ -75,24 +75,24 @@ class Stage(NamedTuple):
         return jnp.sum(problem.friction_limit * sizes)
 
     def penalty(self, problem: Problem, thickness: Array) -> Array:
-        """What lying below the floor costs; steeper from rung to rung."""
+        """What lying below the lower bound costs; steeper from rung to rung."""
         weight = _PENALTY * problem.material.k * 10.0**self._rung
         below = jnp.maximum(problem.floor - thickness, 0.0) / problem.rest.thickness
         return weight / 2 * jnp.sum(problem.sums.width * below**2)
 
-    def energy(self, problem: Problem, point: Point) -> Array:
-        """E_free with this stage's friction and the floor's penalty; finite everywhere."""
-        # Half the floor is far outside, but the radius is still finite there.
+    def energy(self, problem: Problem, point: Displaced) -> Array:
+        """E_free with this stage's friction and the lower bound's penalty; finite everywhere."""
+        # Half the lower bound is far outside, but the radius is still finite there.
         kept = jnp.maximum(point.thickness, problem.floor / 2)
-        smooth = problem.free_smooth(Point(kept, point.shift))
+        smooth = problem.free_smooth(Displaced(kept, point.shift))
         kinks = self.friction(problem, point.shift)
         return smooth + kinks + self.penalty(problem, point.thickness)
 
-    def forces(self, problem: Problem, _point: Point) -> Forces:
+    def forces(self, problem: Problem, _point: Displaced) -> Forces:
         """None are known."""
         return no_forces(problem)
 
-    def left(self, problem: Problem, point: Point, tolerance: Array) -> Array:
+    def left(self, problem: Problem, point: Displaced, tolerance: Array) -> Array:
         """Energy that may be left to gain when the stage ends.
 
         The tolerance of E_free, or while friction is smoothed a share of what that changes.
@@ -102,13 +102,13 @@ class Stage(NamedTuple):
         return jnp.maximum(energy, jnp.where(self.pinning, 0.0, 1e-2 * smoothing))
 
 
-def first_stage(start: Point, ladder: tuple[float, ...]) -> Stage:
+def first_stage(start: Displaced, ladder: tuple[float, ...]) -> Stage:
     """The widest smoothing."""
     nothing = jnp.zeros_like(start.shift)
     return Stage(start, jnp.asarray(0), nothing, nothing.astype(bool), jnp.asarray(ladder))
 
 
-def next_stage(problem: Problem, point: Point, stage: Stage) -> tuple[Stage, Array]:
+def next_stage(problem: Problem, point: Displaced, stage: Stage) -> tuple[Stage, Array]:
     """The next eps; after the last the pins.  Also whether these agree with the forces."""
     limit, d, rungs = problem.friction_limit, point.shift, stage.ladder.shape[0]
     number = stage.number + 1

@@ -1,4 +1,4 @@
-"""Thicknesses as unknowns, in which the floor is a bound on each.
+"""Thicknesses as unknowns, each with a lower bound.
 
 The nodes that a stage does not move, fixed or pinned, cut the clay into
 segments.  Between two of them the thicknesses add up to a given sum; above the
@@ -79,7 +79,7 @@ class Simplex(NamedTuple):
     Attributes
     ----------
     least : (n,) array
-        The floor on x; not above 0.
+        Lower bound of x; not above 0.
     weight : (n,) array
         Thickness for a unit of x, up to a common factor.
     segments : Segments
@@ -93,13 +93,13 @@ class Simplex(NamedTuple):
         """The allowed point nearest to x (Duchi et al. 2008, here with weights).
 
         It is least + max(x - least - m weight, 0).  Each group of a segment's slices
-        that reach the floor last gives an estimate of the multiplier m, as if only
+        that reach the lower bound last gives an estimate of the multiplier m, as if only
         those lay above it; the largest estimate is m itself.
         """
         parts, w, above = self.segments, self.weight, x - self.least
         order = jnp.lexsort((-above / w, parts.number))
-        room = -jnp.sum(jnp.where(parts.same, w * self.least, 0.0), axis=1)
-        estimates = (parts.running((w * above)[order]) - room) / parts.running((w**2)[order])
+        total = -jnp.sum(jnp.where(parts.same, w * self.least, 0.0), axis=1)
+        estimates = (parts.running((w * above)[order]) - total) / parts.running((w**2)[order])
         m = jnp.max(jnp.where(parts.same, estimates, -jnp.inf), axis=1)
         return self.least + jnp.maximum(above - jnp.where(parts.summed, m * w, 0.0), 0.0)
 
@@ -118,31 +118,31 @@ def segments(problem: Problem, stage: Stage) -> Segments:
 def eliminated(problem: Problem, stage: Stage) -> Coordinates:
     """One slice of each summed segment follows from the others; bounds are a :class:`Box`.
 
-    It is the slice with most room where the stage starts.  It has no bound of its own:
-    the stage's penalty keeps it above the floor.
+    It is the slice with most slack where the stage starts.  It has no bound of its own:
+    the stage's penalty keeps it above the lower bound.
     """
-    parts, room, rest = segments(problem, stage), _room(problem, stage), problem.rest.thickness
-    roomiest = jnp.argmax(jnp.where(parts.same, room, -jnp.inf), axis=1)
-    follows = parts.summed & (roomiest == jnp.arange(problem.slices))
+    parts, slack, rest = segments(problem, stage), _slack(problem, stage), problem.rest.thickness
+    farthest = jnp.argmax(jnp.where(parts.same, slack, -jnp.inf), axis=1)
+    follows = parts.summed & (farthest == jnp.arange(problem.slices))
     growth = (jnp.eye(problem.slices) - (parts.same & follows[:, None])) * rest
-    box = Box(jnp.where(follows, -jnp.inf, -room), jnp.full_like(room, jnp.inf))
+    box = Box(jnp.where(follows, -jnp.inf, -slack), jnp.full_like(slack, jnp.inf))
     return _coordinates(problem, parts, jnp.where(follows, 0.0, growth), box)
 
 
 def summed(problem: Problem, stage: Stage) -> Coordinates:
     """All slices; bounds are a :class:`Simplex`.
 
-    Pinning may leave a slice a little below the floor; then its bound is
+    Pinning may leave a slice a little below the lower bound; then its bound is
     where it starts, so that the set is never empty.
     """
-    parts, room, rest = segments(problem, stage), _room(problem, stage), problem.rest.thickness
+    parts, slack, rest = segments(problem, stage), _slack(problem, stage), problem.rest.thickness
     return _coordinates(
-        problem, parts, jnp.diag(rest), Simplex(jnp.minimum(-room, 0.0), rest, parts)
+        problem, parts, jnp.diag(rest), Simplex(jnp.minimum(-slack, 0.0), rest, parts)
     )
 
 
-def _room(problem: Problem, stage: Stage) -> Array:
-    """(n,) stretch above the floor where the stage starts."""
+def _slack(problem: Problem, stage: Stage) -> Array:
+    """(n,) stretch above the lower bound where the stage starts."""
     return stage.base.thickness / problem.rest.thickness - problem.material.floor
 
 

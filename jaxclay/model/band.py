@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxclay.model.material import Material
 from jaxclay.model.side import Side, edge_tension, move_energy, solve_sides
 from jaxclay.model.squash import Squash
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, namespace
 from jaxclay.numerics.roots import around_least, follow, sign_change
 
 _ON_NODE = 1e-9  # in slices: how far beyond the band's edge a node still counts as on it
@@ -36,41 +36,41 @@ class Rest(NamedTuple):
         Nodes u_i; i/n on the paper's scheme.
     """
 
-    thickness: Array
-    heights: Array
-    r0: Array
-    material: Array
+    thickness: Float[Array, "n"]
+    heights: Float[Array, "n+1"]
+    r0: Scalar
+    material: Float[Array, "n+1"]
 
     @property
     def slices(self) -> int:
         """The number n of slices."""
         return self.thickness.shape[0]
 
-    def material_at(self, height: Array) -> Array:
+    def material_at(self, height: Float[Array, "*at"]) -> Float[Array, "*at"]:
         """U0, the inverse of Y0."""
         return namespace(self, height).interp(height, self.heights, self.nodes())
 
-    def height_at(self, material: Array) -> Array:
+    def height_at(self, material: Float[Array, "*at"]) -> Float[Array, "*at"]:
         """Y0(u)."""
         return namespace(self, material).interp(material, self.nodes(), self.heights)
 
-    def slope_at(self, material: Array) -> Array:
+    def slope_at(self, material: Float[Array, "*at"]) -> Float[Array, "*at"]:
         """Y0_u of the slice that holds u."""
         i = jnp.clip(jnp.floor(material * self.slices).astype(int), 0, self.slices - 1)
         return self.thickness[i] * self.slices
 
-    def nodes(self) -> Array:
+    def nodes(self) -> Float[Array, "{self.slices}+1"]:
         """(n+1,) u_i."""
         return self.material
 
-    def slopes(self) -> Array:
+    def slopes(self) -> Float[Array, "{self.slices}"]:
         """(n,) Y0_u on each slice."""
         return self.thickness / (self.material[1:] - self.material[:-1])
 
-    def held(self, band: Band) -> Array:
+    def held(self, band: Band) -> Bool[Array, "{self.slices}+1"]:
         """(n+1,) whether each node belongs to the band."""
-        slack = _ON_NODE / self.slices
-        return (self.material >= band.lower - slack) & (self.material <= band.upper + slack)
+        margin = _ON_NODE / self.slices
+        return (self.material >= band.lower - margin) & (self.material <= band.upper + margin)
 
     def least(self) -> Array:
         """Least share of the clay below a band above the bottom."""
@@ -81,7 +81,7 @@ class Rest(NamedTuple):
         nodes = self.nodes()
         return jnp.sort(jnp.concatenate([nodes, nodes - share, low[None], high[None]]))
 
-    def imposes(self, band: Band) -> Array:
+    def imposes(self, band: Band) -> Bool[Array, ""]:
         """Whether the band fixes two nodes, and so a radius."""
         return jnp.sum(self.held(band)) >= 2
 
@@ -89,27 +89,27 @@ class Rest(NamedTuple):
 class Tool(NamedTuple):
     """The squash, lengths over the unit l."""
 
-    bottom: Array
-    top: Array
-    radius: Array
-    top_fixed: Array
+    bottom: Scalar
+    top: Scalar
+    radius: Scalar
+    top_fixed: Scalar
 
 
 class Band(NamedTuple):
     """The material [lower, upper] that ends between the heights bottom and top.
 
-    ``feasible`` is False where a held end leaves less room than the floor needs,
+    ``feasible`` is False where a held end leaves less room than the lower bound needs,
     where the band lies above the clay, or where it holds fewer than two nodes.
     """
 
-    lower: Array
-    upper: Array
-    bottom: Array
-    top: Array
-    feasible: Array
+    lower: Scalar
+    upper: Scalar
+    bottom: Scalar
+    top: Scalar
+    feasible: Scalar
 
 
-def tool_of(squash: Squash, unit: Array) -> Tool:
+def tool_of(squash: Squash, unit: Scalar) -> Tool:
     """The squash over l."""
     return Tool(squash.bottom / unit, squash.top / unit, squash.radius / unit, squash.top_fixed)
 
@@ -165,8 +165,8 @@ def locate_band(rest, tool: Tool, material: Material) -> Band:
     lower = jnp.where(searches, jax.lax.cond(searches, search, lambda: start), start)
     upper = jnp.where(swallows, 1.0, jnp.minimum(lower + share, 1.0))
     top = jnp.where(swallows, tool.bottom + (1 - lower) / density, tool.top)
-    room = material.floor * (height - rest.height_at(upper)) <= height - tool.top
-    feasible = jnp.where(at_bottom, ~tool.top_fixed | room, feasible)
+    fits = material.floor * (height - rest.height_at(upper)) <= height - tool.top
+    feasible = jnp.where(at_bottom, ~tool.top_fixed | fits, feasible)
     # On the host these are errors; inside a transformation nobody can raise them.
     possible = (tool.bottom < height) & (~tool.top_fixed | ((tool.top < height) & (share < 1)))
     band = Band(lower, upper, tool.bottom, top, feasible & possible)

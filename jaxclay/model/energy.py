@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Float, Scalar, namespace
 
 
 class Weights(NamedTuple):
@@ -66,38 +66,38 @@ class Terms(NamedTuple):
         Those of alpha and of beta in eq. 8.
     """
 
-    strain: Array
-    friction: Array
-    tension: Array
-    bending: Array
+    strain: Float[Array, ""]
+    friction: Float[Array, ""]
+    tension: Float[Array, ""]
+    bending: Float[Array, ""]
 
     @property
-    def total(self) -> Array:
+    def total(self) -> Float[Array, "..."]:
         """E_total, their sum."""
         return self.strain + self.friction + self.tension + self.bending
 
     @property
-    def smooth(self) -> Array:
+    def smooth(self) -> Float[Array, "..."]:
         """E_total without friction, which has a kink wherever clay rests."""
         return self.strain + self.tension + self.bending
 
 
-def strain_density(stretch: Array, k: Array) -> Array:
+def strain_density(stretch: Float[Array, "*at"], k: Scalar) -> Float[Array, "*at"]:
     """k/2 (Y_u / Y0_u - 1)^2, eq. 4."""
     return k / 2 * (stretch - 1) ** 2
 
 
-def friction_density(shift: Array, mu: Array) -> Array:
+def friction_density(shift: Float[Array, "*at"], mu: Scalar) -> Float[Array, "*at"]:
     """mu |Y - Y0|, eq. 5."""
     return mu * abs(shift)
 
 
-def tension_density(v_u: Array, alpha: Array) -> Array:
+def tension_density(v_u: Float[Array, "*at"], alpha: Scalar) -> Float[Array, "*at"]:
     """alpha v_u^2 of one coordinate of v = (X, Y), eq. 8."""
     return alpha * v_u**2
 
 
-def bending_density(v_uu: Array, beta: Array) -> Array:
+def bending_density(v_uu: Float[Array, "*at"], beta: Scalar) -> Float[Array, "*at"]:
     """beta v_uu^2 of one coordinate, eq. 8."""
     return beta * v_uu**2
 
@@ -116,7 +116,7 @@ def integrate(samples: Samples, material: Material) -> Terms:
     )
 
 
-def integrate_smooth(samples: Samples, material: Material) -> Array:
+def integrate_smooth(samples: Samples, material: Material) -> Float[Array, ""]:
     """E_total without friction, in one sum of each kind."""
     s, m, w = samples, material, samples.weights
     total = namespace(s.Y_u).sum

@@ -27,7 +27,7 @@ class Material:
         21 takes by differences divided by h.  A snake in the sense of Williams
         and Shah does not divide: see :meth:`from_snake_units`.
     floor : float in (0, 1)
-        f, the least thickness of a slice over its thickness before the squash.
+        f, lower bound of a slice's thickness over that before the squash.
         The paper has none, but E_move is finite at zero thickness.
 
     Raises

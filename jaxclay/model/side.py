@@ -6,7 +6,7 @@ is compressed and +1 where it is stretched, with
 
     q(x) = min(max(sigma - (mu/k) x, 0) Y0_u^2, (1 - f) Y0_u)
 
-(the cap, which is the thickness floor, only in compression).  The push sigma at
+(the cap, which is the lower bound of thickness, only in compression).  The push sigma at
 the edge follows from D(sigma) = integral of q = |d|, the displacement
 prescribed there; a free far end gives way beyond sigma = (mu/k) span instead
 (Case II).  One scalar equation serves all three cases and mu = 0.
@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, fixed, iterate, namespace, repeat
+from jaxclay.numerics.arrays import Array, Float, Scalar, fixed, iterate, namespace, repeat
 
 _MOST_STEPS = 60
 _CLOSE = 1e-13
@@ -46,20 +46,20 @@ class Side(NamedTuple):
         discrete sums, where a slice takes the push at its end nearest the band.
     """
 
-    start: Array
-    stop: Array
-    slope: Array
-    displacement: Array
-    held: Array
-    graded: Array
+    start: Float[Array, "n"]
+    stop: Float[Array, "n"]
+    slope: Float[Array, "n"]
+    displacement: Scalar
+    held: Scalar
+    graded: Scalar
 
     @property
-    def width(self) -> Array:
+    def width(self) -> Float[Array, "n"]:
         """(n,) each slice's share of the material."""
         return self.stop - self.start
 
     @property
-    def span(self) -> Array:
+    def span(self) -> Float[Array, ""]:
         """The side's share of the material."""
         return self.width.sum()
 
@@ -76,9 +76,9 @@ class Push(NamedTuple):
     reach : scalar, material distance
         How far from the band's edge clay moves: u1 - u0 in Case I, else the span.
     floored : bool scalar
-        Whether the thickness floor is active somewhere.
+        Whether the lower bound of thickness is active somewhere.
     feasible : bool scalar
-        False where even all slices at the floor leave less room than needed.
+        False where even all slices at the lower bound leave less room than needed.
     """
 
     sigma: Array
@@ -98,7 +98,7 @@ def solve_side(side: Side, material: Material) -> Push:
     sigma = None
     if xp is np:
         sigma = _looked_up(side, material) if moves else np.zeros(())
-    above = sigma is not None  # the floor
+    above = sigma is not None  # the lower bound
     if not above:
         still = fixed((side, material))
         sigma = fixed(_root(*still, *_bounds(*still)))
@@ -114,7 +114,7 @@ def solve_side(side: Side, material: Material) -> Push:
     free_push = xp.where(moves, free_push, 0.0)
     sigma = xp.where(side.held, sigma, xp.minimum(sigma, free_push))
     case = xp.where(beyond, xp.where(side.held, 3, 2), 1)
-    room = (1 - material.floor) * xp.sum(side.slope * side.width)
+    most = (1 - material.floor) * xp.sum(side.slope * side.width)
     return Push(
         sigma=sigma,
         case=xp.where(span > 0, case, 0),
@@ -122,12 +122,12 @@ def solve_side(side: Side, material: Material) -> Push:
         floored=xp.asarray(False)
         if above
         else moves & (side.displacement > 0) & xp.any(_pieces(side, material, sigma).saturated > 0),
-        feasible=xp.logical_not(side.held) | (side.displacement <= room) | (span == 0),
+        feasible=xp.logical_not(side.held) | (side.displacement <= most) | (span == 0),
     )
 
 
 def _looked_up(side: Side, material: Material) -> np.ndarray | None:
-    """The push where no slice is as thin as the floor, else None.
+    """The push where no slice is as thin as the lower bound, else None.
 
     With clay moving up to the end of a slice D is known from sums over the slices; in the slice
     where it passes |d| it is quadratic.
@@ -155,7 +155,7 @@ def _looked_up(side: Side, material: Material) -> np.ndarray | None:
 
 
 def _bounds(side: Side, material: Material) -> tuple[Array, Array]:
-    """A guess of the push, exact for a cylinder above the floor, and an upper bound."""
+    """A guess of the push, exact for a cylinder above the lower bound, and an upper bound."""
     xp = namespace(side, material)
     rate, size, span = material.mu / material.k, xp.abs(side.displacement), side.span
     stretchable = xp.sum(side.slope**2 * side.width)
@@ -209,7 +209,7 @@ def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push
     return jax.tree.map(lambda leaf: leaf[0], pushes), jax.tree.map(lambda leaf: leaf[1], pushes)
 
 
-def slope_change(side: Side, material: Material, sigma: Array) -> Array:
+def slope_change(side: Side, material: Material, sigma: Scalar) -> Float[Array, "n"]:
     """(n,) integral of Y_u - Y0_u over each slice, in heights: negative in compression."""
     xp = namespace(side, material, sigma)
     p = _pieces(side, material, sigma)
@@ -217,7 +217,7 @@ def slope_change(side: Side, material: Material, sigma: Array) -> Array:
     return -xp.sign(side.displacement) * moved * side.slope**2
 
 
-def move_energy(side: Side, material: Material, push: Push) -> Array:
+def move_energy(side: Side, material: Material, push: Push) -> Float[Array, ""]:
     """E_move of the side (eq. 6) at its minimum, in the continuum."""
     xp = namespace(side, material, push)
     k, mu = material.k, material.mu
@@ -236,7 +236,7 @@ def move_energy(side: Side, material: Material, push: Push) -> Array:
 def edge_tension(side: Side, material: Material, push: Push, slope: Array) -> Array:
     """-dE/d(span) where the edge passes clay of rest slope ``slope``, its height staying put.
 
-    k/2 ((Y_u / Y0_u)^2 - 1) - mu |d| while the floor is inactive.
+    k/2 ((Y_u / Y0_u)^2 - 1) - mu |d| while the lower bound is inactive.
     """
     xp = namespace(side, material, push)
     k = material.k
@@ -255,7 +255,7 @@ def _displaced(side: Side, material: Material, sigma: Array) -> Array:
 class _Pieces(NamedTuple):
     """Each slice is saturated first, then its push falls from high to low, then vanishes."""
 
-    cap: Array  # (n,) push beyond which a slice is as thin as the floor
+    cap: Array  # (n,) push beyond which a slice is as thin as the lower bound
     saturated: Array  # (n,) length where the push exceeds it
     linear: Array  # (n,) length where the push lies between 0 and the cap
     high: Array  # (n,) push where the linear part begins

@@ -1,13 +1,15 @@
-"""One code for host and trace: the namespace of the arguments, and loops in it.
+"""One code for host and trace: array types, the namespace of the arguments, and loops in it.
 
 On the host array functions are NumPy's and loops are Python's, which end as soon as nothing
 changes any more; inside a JAX transformation they are jax.numpy's and ``fori_loop``'s.
+
+Signatures say shapes as jaxtyping does, ``Float[Array, "n+1"]``; the tests check them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +19,42 @@ T = TypeVar("T")
 
 Array = Any
 """What is computed with: NumPy's arrays on the host, JAX's inside transformations."""
+
+if TYPE_CHECKING:
+    from typing import Annotated as Bool
+    from typing import Annotated as Float
+    from typing import Annotated as Int
+    from typing import Annotated as Shaped
+
+    Scalar = Any
+else:
+
+    class _Shaped:
+        """``Float[Array, "n+1"]``, jaxtyping's where it is installed, else the array type alone.
+
+        That takes 50 ms to import, so it is looked for when a signature is evaluated: in tests and
+        for documentation.
+        """
+
+        def __init__(self, kind: str):
+            self.kind = kind
+
+        def __getitem__(self, of: tuple[Any, str]) -> Any:
+            try:
+                import jaxtyping
+            except ImportError:
+                return of[0]
+            return getattr(jaxtyping, self.kind)[of]
+
+    Bool, Float, Int, Shaped = map(_Shaped, ("Bool", "Float", "Int", "Shaped"))
+
+    class _Number(type):
+        def __instancecheck__(cls, value: Any) -> bool:
+            return isinstance(value, float | int) or getattr(value, "shape", None) == ()
+
+    class Scalar(metaclass=_Number):
+        """A number: Python's, NumPy's, or an array without axes."""
+
 
 _PLAIN = {np.ndarray, np.float64, np.bool_, np.int64, float, int, bool}  # known to be NumPy's
 

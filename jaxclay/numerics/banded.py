@@ -18,7 +18,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Float, Int
 
 _OUTSIDE = 1e-9  # of a row's size: what counts as an entry outside the bands
 
@@ -26,8 +26,8 @@ _OUTSIDE = 1e-9  # of a row's size: what counts as an entry outside the bands
 class Model(NamedTuple):
     """A function's second-order model at a point: value, gradient (n,), bands (b+1, n)."""
 
-    value: Array
-    gradient: Array
+    value: Float[Array, ""]
+    gradient: Float[Array, "n"]
     bands: Array
 
 
@@ -42,11 +42,11 @@ class Factor(NamedTuple):
         D.
     """
 
-    below: Array
-    pivots: Array
+    below: Float[Array, "n b"]
+    pivots: Float[Array, "n"]
 
     @property
-    def positive(self) -> Array:
+    def positive(self) -> Bool[Array, ""]:
         """Whether every pivot is positive, so that the matrix is positive definite.
 
         Nothing else in here means anything if not.
@@ -54,7 +54,7 @@ class Factor(NamedTuple):
         return jnp.all(self.pivots > 0)
 
 
-def local_model(fun: Callable[[Array], Array], x: Array, half_bandwidth: int) -> Model:
+def local_model(fun: Callable[[Array], Array], x: Float[Array, "n"], half_bandwidth: int) -> Model:
     """Value, gradient and Hessian of ``fun`` at x (n,), by coloured Hessian-vector products."""
     n, colours = x.shape[0], 2 * half_bandwidth + 1
     (value, gradient), push = jax.linearize(jax.value_and_grad(fun), x)
@@ -66,7 +66,7 @@ def local_model(fun: Callable[[Array], Array], x: Array, half_bandwidth: int) ->
     return Model(value, gradient, jnp.where(nodes + offset < n, bands, 0.0))
 
 
-def masked(bands: Array, keep: Array) -> Array:
+def masked(bands: Float[Array, "rows n"], keep: Bool[Array, "n"]) -> Float[Array, "rows n"]:
     """The bands on the rows and columns to keep, (n,) bool; the identity elsewhere."""
     widest = bands.shape[0] - 1
     other = jnp.stack([jnp.pad(keep[k:], (0, k)) for k in range(widest + 1)])
@@ -74,18 +74,18 @@ def masked(bands: Array, keep: Array) -> Array:
     return jnp.where(keep & other, bands, identity.astype(bands.dtype))
 
 
-def dense(bands: Array) -> Array:
+def dense(bands: Float[Array, "rows n"]) -> Float[Array, "n n"]:
     """The symmetric matrix (n, n) itself."""
     upper = sum(jnp.diag(band[: bands.shape[1] - k], k) for k, band in enumerate(bands))
     return upper + jnp.triu(upper, 1).T
 
 
-def factorize(bands: Array) -> Factor:
+def factorize(bands: Float[Array, "rows n"]) -> Factor:
     """Factor a symmetric matrix from its bands (b+1, n), b >= 1."""
     return reduced(bands, jnp.zeros_like(bands[0]))[0]
 
 
-def solve(factor: Factor, rhs: Array) -> Array:
+def solve(factor: Factor, rhs: Float[Array, "n"]) -> Float[Array, "n"]:
     """H^-1 rhs for rhs (n,)."""
 
     def row(left, entry):
@@ -98,7 +98,9 @@ def solve(factor: Factor, rhs: Array) -> Array:
     return substituted(factor, forward / factor.pivots)
 
 
-def reduced(bands: Array, rhs: Array) -> tuple[Factor, Array]:
+def reduced(
+    bands: Float[Array, "rows n"], rhs: Float[Array, "n"]
+) -> tuple[Factor, Float[Array, "n"]]:
     """The factor and L^-1 rhs, (n,), in one loop."""
     b = bands.shape[0] - 1
 
@@ -119,7 +121,7 @@ def reduced(bands: Array, rhs: Array) -> tuple[Factor, Array]:
     return Factor(below, pivots), forward
 
 
-def substituted(factor: Factor, values: Array) -> Array:
+def substituted(factor: Factor, values: Float[Array, "n"]) -> Float[Array, "n"]:
     """L^-T values for values (n,)."""
 
     def row(above, entry):
@@ -135,7 +137,7 @@ def _shifted(left: Array) -> Array:
     return jnp.concatenate([left[1:], 0 * left[:1]])
 
 
-def solve_exactly(bands: Array, rhs: Array) -> Array:
+def solve_exactly(bands: Float[Array, "rows n"], rhs: Float[Array, "n"]) -> Float[Array, "n"]:
     """H^-1 rhs with derivatives by H and rhs of any order, which need no factor's derivative."""
 
     def by_factor(_, rhs: Array) -> Array:
@@ -144,7 +146,7 @@ def solve_exactly(bands: Array, rhs: Array) -> Array:
     return jax.lax.custom_linear_solve(lambda x: product(bands, x), rhs, by_factor, symmetric=True)
 
 
-def product(bands: Array, x: Array) -> Array:
+def product(bands: Float[Array, "rows n"], x: Float[Array, "n"]) -> Float[Array, "n"]:
     """H x for x (n,)."""
     total = bands[0] * x
     for k in range(1, bands.shape[0]):
@@ -153,7 +155,9 @@ def product(bands: Array, x: Array) -> Array:
     return total
 
 
-def reaches_beyond(fun: Callable[[Array], Array], x: Array, bands: Array) -> Array:
+def reaches_beyond(
+    fun: Callable[[Array], Array], x: Float[Array, "n"], bands: Float[Array, "rows n"]
+) -> Bool[Array, ""]:
     """Whether the Hessian of ``fun`` has entries outside its bands, by one product with it."""
     vector = 1.5 + jnp.cos(jnp.arange(x.shape[0], dtype=x.dtype) ** 2) / 2  # as good as random
     true = jax.jvp(jax.grad(fun), (x,), (vector,))[1]
@@ -161,7 +165,7 @@ def reaches_beyond(fun: Callable[[Array], Array], x: Array, bands: Array) -> Arr
     return jnp.any(error > _OUTSIDE * product(jnp.abs(bands), vector))
 
 
-def widest(fun: Callable[[Array], Array], x: Array) -> Array:
+def widest(fun: Callable[[Array], Array], x: Float[Array, "n"]) -> Int[Array, ""]:
     """The half-bandwidth of the Hessian of ``fun``, row by row: O(n^2) operations."""
     nodes = jnp.arange(x.shape[0])
 

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Float, Int
 from jaxclay.numerics.banded import local_model, solve_exactly, widest
 from jaxclay.numerics.banded_steps import BandedStatus, run
 from jaxclay.numerics.checks import as_number, check_positive
@@ -55,13 +55,13 @@ class BandedResult(NamedTuple):
         How it ended: see ``status`` and ``message``.
     """
 
-    x: Array
-    value: Array
-    gradient: Array
-    decrement: Array
-    iterations: Array
-    converged: Array
-    code: Array
+    x: Float[Array, "n"]
+    value: Float[Array, ""]
+    gradient: Float[Array, "n"]
+    decrement: Float[Array, ""]
+    iterations: Int[Array, ""]
+    converged: Bool[Array, ""]
+    code: Int[Array, ""]
 
     @property
     def status(self) -> BandedStatus:

@@ -16,11 +16,11 @@ _STRAIGHT = 0.1  # of the slope at the start
 
 
 class Search(NamedTuple):
-    """What to look for along a line: value - 2e-4 length gain - slack, or lower."""
+    """What to look for along a line: value - 2e-4 length gain - rounding, or lower."""
 
     along: Array
     gain: Array  # what a step of length 1 promises
-    slack: Array
+    rounding: Array
     least: Array  # length
     both: Array  # whether on either side
     slope: Array  # at length 0 if fun is convex there, else 0
@@ -47,8 +47,8 @@ def search_line(fun, x: Array, value: Array, search: Search, skip: Array) -> Tri
         # Of a straight slope the integral is the change of fun, which rounding may hide.
         straight = (search.slope > 0) & (length == 1) & (steep <= _STRAIGHT * search.slope)
         straight &= jnp.abs(half + search.slope / 2) <= _STRAIGHT * search.slope
-        bar = value - 2 * _ARMIJO * jnp.abs(length) * search.gain - search.slack
-        lower = jnp.where(search.slack + search.gain > 0, there <= bar, there < bar)
+        bar = value - 2 * _ARMIJO * jnp.abs(length) * search.gain - search.rounding
+        lower = jnp.where(search.rounding + search.gain > 0, there <= bar, there < bar)
         lower &= (there < carry.best) & (jnp.isfinite(there) | (there < 0))
         bottomless = lower & (there < -FAR)
         # A longer step leads neither onto a minimum's far side nor over a hill.

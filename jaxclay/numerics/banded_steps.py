@@ -213,7 +213,7 @@ def _aimed(state: State, model: Model, factor: Factor, view: _View) -> Search:
     return Search(
         along=jnp.where(looking, look, view.newton),
         gain=jnp.where(looking, 0.0, view.decrement),
-        slack=jnp.where(looking, _NOTHING * jnp.abs(model.value), 0.0),
+        rounding=jnp.where(looking, _NOTHING * jnp.abs(model.value), 0.0),
         least=0.5 ** jnp.where(looking, _NEAREST, _HALVINGS),
         both=looking,
         slope=jnp.where(view.plain & ~looking, 2 * view.decrement, 0.0),

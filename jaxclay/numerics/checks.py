@@ -76,8 +76,8 @@ def within(name: str, value, low: float, high: float):
     if not is_concrete(value, low, high):
         return value
     value = np.asarray(value, np.float64)
-    slack = 1e-12 * (high - low)
-    wrong = ~((value >= low - slack) & (value <= high + slack))
+    margin = 1e-12 * (high - low)
+    wrong = ~((value >= low - margin) & (value <= high + margin))
     if wrong.any():
         first = value.reshape(-1)[int(np.argmax(wrong))]
         raise ValueError(f"{name} must lie between {low:g} and {high:g}, got {first:g}")

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from jaxclay.numerics.arrays import Array, Float, Int
+
 _POINTS_PER_SEGMENT = 4
 _STRIDES = (512, 64, 8, 1)  # every so many points the distance is taken, where it may be largest
 _PAIRS_AT_ONCE = 200_000
 
 
-def farthest(line: np.ndarray, other: np.ndarray, limit: float = np.inf) -> float:
+def farthest(line: Float[Array, "m 2"], other: Float[Array, "k 2"], limit: float = np.inf) -> float:
     """Largest distance from points along ``line`` (m, 2) to the polyline ``other`` (k, 2).
 
     Four points a segment are tried.  ``other`` must run from bottom to top: its
@@ -62,7 +64,9 @@ def _nearest(points: np.ndarray, other: np.ndarray, bound: np.ndarray) -> np.nda
     return nearest
 
 
-def distances(points: np.ndarray, line: np.ndarray, segment: np.ndarray | int) -> np.ndarray:
+def distances(
+    points: Float[Array, "p 2"], line: Float[Array, "k 2"], segment: Int[Array, "p"] | int
+) -> Float[Array, "p"]:
     """(p,) distance of each point (p, 2) to its segment of the polyline."""
     start = line[segment]
     along, offset = line[np.asarray(segment) + 1] - start, points - start

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.numerics.arrays import Array, fixed, namespace, pick, repeat
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, fixed, namespace, pick, repeat
 
 _NEIGHBOURS = 5  # nodes that a slope is taken from
 _LEAST, _MOST = 0.05, 2.5  # of a slice's own slope: what a cubic piece may have at its ends
@@ -34,12 +34,12 @@ class Interpolant(NamedTuple):
         Of each piece its lower node, width, Y_i, a, b and c.
     """
 
-    nodes: Array
-    heights: Array
-    thickness: Array
-    table: Array
+    nodes: Float[Array, "n+1"]
+    heights: Float[Array, "n+1"]
+    thickness: Float[Array, "n"]
+    table: Float[Array, "6 n"]
 
-    def over(self, unit: Array) -> Interpolant:
+    def over(self, unit: Scalar) -> Interpolant:
         """Y(u) / unit."""
         xp = namespace(self, unit)
         one = xp.ones(2)
@@ -49,16 +49,16 @@ class Interpolant(NamedTuple):
         )
 
     @property
-    def steepest(self) -> Array:
+    def steepest(self) -> Float[Array, ""]:
         """The largest Y_u at the ends of pieces."""
         _, _, _, a, b, c = self.table
         return namespace(self).maximum(a.max(), (a + 2 * b + 3 * c).max())
 
-    def piece(self, u: Array) -> Array:
+    def piece(self, u: Float[Array, "*at"] | Scalar) -> Int[Array, "*at"]:
         """The piece that holds each u, the upper one at a node."""
         return last_before(namespace(self, u), self.nodes[1:-1], u)
 
-    def height(self, u: Array) -> Array:
+    def height(self, u: Float[Array, "*at"] | Scalar) -> Float[Array, "*at"]:
         """Y(u); at a node its height bit for bit."""
         xp = namespace(self, u)
         i = self.piece(u)
@@ -66,11 +66,13 @@ class Interpolant(NamedTuple):
         s = (u - piece[0]) / piece[1]
         return xp.where(s < 1, piece[2] + _above(piece, s), pick(self.heights, i + 1))
 
-    def slope(self, u: Array, side: str = "above") -> Array:
+    def slope(self, u: Float[Array, "*at"] | Scalar, side: str = "above") -> Float[Array, "*at"]:
         """Y_u(u), where it jumps the value on that side."""
         return _slope(*self._seen(u, side))
 
-    def derivatives(self, u: Array, side: str = "above") -> tuple[Array, Array, Array]:
+    def derivatives(
+        self, u: Float[Array, "*at"] | Scalar, side: str = "above"
+    ) -> tuple[Float[Array, "*at"], Float[Array, "*at"], Float[Array, "*at"]]:
         """Y_u, Y_uu and Y_uuu at u, where they jump the values on that side."""
         piece, s = self._seen(u, side)
         _, width, _, _, b, c = piece
@@ -85,7 +87,7 @@ class Interpolant(NamedTuple):
         piece = pick(self.table, i)
         return piece, (u - piece[0]) / piece[1]
 
-    def inverse(self, height: Array) -> Array:
+    def inverse(self, height: Float[Array, "*at"] | Scalar) -> Float[Array, "*at"]:
         """U(y), the u with Y(u) = y, for heights from Y(0) to Y(1)."""
         xp = namespace(self, height)
         piece = pick(self.table, last_before(xp, self.heights[1:-1], height))
@@ -107,8 +109,8 @@ class Interpolant(NamedTuple):
         s = xp.where(wanted > 0, xp.clip(s, 0.0, 1.0), 0.0)
         return piece[0] + s * piece[1]
 
-    def on(self, u: Array) -> tuple[Array, Array]:
-        """Y at rising u (m+1,), and how far it rises between them (m,).
+    def on(self, u: Float[Array, "m"]) -> tuple[Float[Array, "m"], Float[Array, "m-1"]]:
+        """Y at rising u (m,), and how far it rises between them (m-1,).
 
         At nodes both are the heights and thicknesses there bit for bit, and nothing is cancelled
         where two places lie in one piece.
@@ -147,7 +149,11 @@ def last_before(xp, inner: Array, value: Array) -> Array:
 
 
 def interpolant(
-    nodes: Array, heights: Array, thickness: Array, edges: Array, r0: Array
+    nodes: Float[Array, "nodes"],
+    heights: Float[Array, "nodes"],
+    thickness: Float[Array, "nodes-1"],
+    edges: Float[Array, "m 2"],
+    r0: Scalar,
 ) -> Interpolant:
     """Y(u) through the heights of the nodes.
 
@@ -179,7 +185,12 @@ def interpolant(
     return _cubics(nodes, heights, thickness, start, stop)
 
 
-def displacement(nodes: Array, shift: Array, change: Array, broken: Array) -> Interpolant:
+def displacement(
+    nodes: Float[Array, "nodes"],
+    shift: Float[Array, "nodes"],
+    change: Float[Array, "nodes-1"],
+    broken: Bool[Array, "nodes"],
+) -> Interpolant:
     """The same through displacements (n+1,), ``change`` (n,) their differences, rising or not.
 
     Broken at nodes where the (n+1,) bool array says so.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Float, Scalar
 
 _SCANNED = 160  # places at once, where there are kinks
 _BESIDE = 4  # kinks to either side of the least that are looked at closely
@@ -13,7 +13,9 @@ _CUTS = 40
 _EXACT = 1e-15
 
 
-def around_least(energies, places: Array, low: Array, high: Array) -> Array:
+def around_least(
+    energies, places: Float[Array, "m"], low: Scalar, high: Scalar
+) -> Float[Array, "k"]:
     """The place of least energy between low and high, and some before and after it.
 
     Many places are scanned in rounds, each between the neighbours of the last
@@ -35,7 +37,7 @@ def around_least(energies, places: Array, low: Array, high: Array) -> Array:
     return jnp.clip(places[jnp.clip(at, 0, places.shape[0] - 1)], low, high)
 
 
-def sign_change(slope, left: Array, right: Array) -> Array:
+def sign_change(slope, left: Float[Array, ""], right: Float[Array, ""]) -> Float[Array, ""]:
     """Where a rising function passes 0: false position, whose stale end is halved (Illinois)."""
 
     def go_on(state):
@@ -62,7 +64,7 @@ def sign_change(slope, left: Array, right: Array) -> Array:
     return jax.lax.while_loop(go_on, cut, state)[4]
 
 
-def follow(slope, root: Array, exactly: bool = False) -> Array:
+def follow(slope, root: Float[Array, ""], exactly: bool = False) -> Float[Array, ""]:
     """The root with its derivatives, up to the third, by two steps of Newton; at a kink it stays.
 
     ``exactly`` if the steps shall improve the root too.

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, Shaped, namespace
 
-AnyPoint = Any  # a shape as a scheme holds it
+AnyDisplaced = Any  # a displaced shape as a scheme holds it: a point, for a minimiser
 
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
@@ -26,11 +26,11 @@ class Forces(NamedTuple):
     friction : (n+1,) array
         lam, between -h mu and h mu; h mu sign(d_i) where clay moves.
     floor : (n,) array
-        z >= 0, what holds a slice above its least thickness.
+        z >= 0, what holds a slice above its lower bound.
     """
 
-    friction: Array
-    floor: Array
+    friction: Float[Array, "n+1"]
+    floor: Float[Array, "n"]
 
 
 class Pull(NamedTuple):
@@ -40,13 +40,13 @@ class Pull(NamedTuple):
     Hessian is that of Gauss and Newton.  ``energy`` is E_free, ``weight`` (s,) the barrier's.
     """
 
-    floor: Array
-    friction: Array
-    shift: Array
-    gauss: Array
-    force: Array
-    energy: Array
-    weight: Array
+    floor: Float[Array, "s"]
+    friction: Float[Array, "m"]
+    shift: Scalar
+    gauss: Scalar
+    force: Float[Array, "N"]
+    energy: Scalar
+    weight: Float[Array, "s"]
 
 
 @runtime_checkable
@@ -54,47 +54,47 @@ class Minimisable(Protocol):
     """What every method may ask of a problem, or of its :class:`.System`."""
 
     @property
-    def free(self) -> Array:
+    def free(self) -> Shaped[Array, "N"]:
         """(N,) true or 1 where an unknown moves."""
         ...
 
     @property
-    def friction_limit(self) -> Array:
+    def friction_limit(self) -> Float[Array, "m"]:
         """(m,) most that friction can hold a place with, force."""
         ...
 
     @property
-    def loose(self) -> Array:
+    def loose(self) -> Shaped[Array, "s"]:
         """(s,) true or 1 where clay may become too thin."""
         ...
 
     @property
-    def rest_thickness(self) -> Array:
+    def rest_thickness(self) -> Float[Array, "s"]:
         """(s,) thickness before the squash: of slices a length, of points of a spline Y0_u."""
         ...
 
     @property
-    def floor(self) -> Array:
-        """(s,) least thickness where ``loose``, 0 elsewhere."""
+    def floor(self) -> Float[Array, "s"]:
+        """(s,) lower bound of thickness where ``loose``, 0 elsewhere."""
         ...
 
-    def slack(self, point: Any, /) -> Array:
-        """(s,) thickness above the floor."""
+    def slack(self, point: Any, /) -> Float[Array, "s"]:
+        """(s,) thickness above the lower bound."""
         ...
 
-    def moved(self, point: Any, step: Array, /) -> Any:
+    def moved(self, point: Any, step: Float[Array, "N"], /) -> Any:
         """The point after a step (N,) of the unknowns."""
         ...
 
-    def evened(self, point: Any, fraction: Array, /) -> Any:
+    def evened(self, point: Any, fraction: Scalar, /) -> Any:
         """The point moved by a fraction towards clay spread evenly beside the band."""
         ...
 
-    def put_to_rest(self, point: Any, rests: Array, /) -> Any:
+    def put_to_rest(self, point: Any, rests: Bool[Array, "m"], /) -> Any:
         """The point with the places that rest, a bool array (m,), exactly where they were."""
         ...
 
-    def free_smooth(self, point: Any, /) -> Array:
+    def free_smooth(self, point: Any, /) -> Float[Array, ""]:
         """E_free without friction, scalar."""
         ...
 
@@ -104,40 +104,42 @@ class Newtonian(Minimisable, Protocol):
     """What Newton asks besides: of :class:`.System` and :class:`.SplineProblem`."""
 
     @property
-    def k(self) -> Array:
+    def k(self) -> Scalar:
         """The material's stiffness."""
         ...
 
     @property
-    def friction_total(self) -> Array:
+    def friction_total(self) -> Float[Array, ""]:
         """Sum of ``friction_limit``, above 0."""
         ...
 
-    def shift_change(self, step: Array, /) -> Array:
+    def shift_change(self, step: Float[Array, "N"], /) -> Float[Array, "m"]:
         """(m,) what a step (N,) adds to displacements."""
         ...
 
-    def thickness_change(self, step: Array, /) -> Array:
+    def thickness_change(self, step: Float[Array, "N"], /) -> Float[Array, "s"]:
         """(s,) what a step adds to thicknesses, 0 where not ``loose``."""
         ...
 
-    def from_shift(self, forces: Array, /) -> Array:
+    def from_shift(self, forces: Float[Array, "m"], /) -> Float[Array, "N"]:
         """(N,) forces on displacements (m,) as forces on the unknowns."""
         ...
 
-    def from_thickness(self, forces: Array, /) -> Array:
+    def from_thickness(self, forces: Float[Array, "s"], /) -> Float[Array, "N"]:
         """(N,) forces on thicknesses (s,) likewise."""
         ...
 
-    def kinks(self, point: Any, eps: Array, weight: Array, /) -> Array:
-        """Friction, smoothed over the length eps, less ``weight`` (s,) times the log of slacks."""
+    def kinks(self, point: Any, eps: Scalar, weight: Float[Array, "s"], /) -> Float[Array, ""]:
+        """Friction, smoothed over the length eps, less ``weight`` times the log of slacks."""
         ...
 
     def smooth_model(self, point: Any, /) -> Any:
         """Value, gradient (N,) and the Hessian's bands of ``free_smooth``."""
         ...
 
-    def newton_step(self, point: Any, bands: Any, pull: Pull, /) -> tuple[Array, Array]:
+    def newton_step(
+        self, point: Any, bands: Any, pull: Pull, /
+    ) -> tuple[Float[Array, "N"], Bool[Array, ""]]:
         """(N,) H^-1 force, and whether H is positive definite where unknowns are free."""
         ...
 
@@ -152,7 +154,7 @@ class AnyProblem(Minimisable, Protocol):
         ...
 
     @property
-    def shift(self) -> Array:
+    def shift(self) -> Float[Array, "N"]:
         """(N,) what fixed unknowns are, over their values at rest."""
         ...
 
@@ -166,8 +168,8 @@ class AnyProblem(Minimisable, Protocol):
         """(N,), the shape of what the energy takes."""
         ...
 
-    def point(self, unknowns: Array, /) -> Any:
-        """Heights (n+1,), in the clay's length unit, or coefficients (N,) as a point."""
+    def point(self, unknowns: Float[Array, "N"], /) -> Any:
+        """Heights (n+1,), in the clay's length unit, or coefficients (N,) as a displaced shape."""
         ...
 
     def terms(self, point: Any, /) -> Any:
@@ -185,8 +187,8 @@ def no_forces(problem: Minimisable) -> Forces:
     return Forces(xp.zeros_like(problem.friction_limit), xp.zeros_like(problem.floor))
 
 
-def lifted(problem: AnyProblem, point: AnyPoint) -> AnyPoint:
-    """The point moved no further than needed for every slice to reach the floor."""
+def lifted(problem: AnyProblem, point: AnyDisplaced) -> AnyDisplaced:
+    """The point moved no further than needed for every slice to reach the lower bound."""
     xp = namespace(problem.shift, point)
     even = problem.evened(point, 1.0).thickness
     low = problem.loose & (point.thickness < problem.floor)

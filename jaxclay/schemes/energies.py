@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from jaxclay.model.energy import Terms
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Float
 from jaxclay.numerics.host import compiled, in_float64, is_transformed, promoting
 from jaxclay.schemes.base import AnyProblem
 
@@ -41,7 +41,7 @@ def energy_terms(problem: AnyProblem, unknowns: Array) -> Terms:
     return in_float64("energy_terms", _terms, problem, unknowns)
 
 
-def total_energy(problem: AnyProblem, unknowns: Array) -> Array:
+def total_energy(problem: AnyProblem, unknowns: Array) -> Float[Array, ""]:
     """E_total (eq. 9) as a function of the heights Y_i, or of a spline's coefficients.
 
     A scalar without a unit; arguments and errors are those of :func:`energy_terms`.
@@ -51,22 +51,22 @@ def total_energy(problem: AnyProblem, unknowns: Array) -> Array:
     return energy_terms(problem, unknowns).total
 
 
-def strain_energy(problem: AnyProblem, unknowns: Array) -> Array:
+def strain_energy(problem: AnyProblem, unknowns: Array) -> Float[Array, ""]:
     """h sum k/2 (Y_u / Y0_u - 1)^2 (eq. 4), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).strain
 
 
-def friction_energy(problem: AnyProblem, unknowns: Array) -> Array:
+def friction_energy(problem: AnyProblem, unknowns: Array) -> Float[Array, ""]:
     """h sum mu |Y_i - Y0_i| (eq. 5), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).friction
 
 
-def tension_energy(problem: AnyProblem, unknowns: Array) -> Array:
+def tension_energy(problem: AnyProblem, unknowns: Array) -> Float[Array, ""]:
     """h sum alpha (X_u^2 + Y_u^2) (eq. 8), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).tension
 
 
-def bending_energy(problem: AnyProblem, unknowns: Array) -> Array:
+def bending_energy(problem: AnyProblem, unknowns: Array) -> Float[Array, ""]:
     """h sum beta (X_uu^2 + Y_uu^2) (eq. 8), no unit; arguments as :func:`energy_terms`."""
     return energy_terms(problem, unknowns).bending
 

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from jaxclay.model.band import Rest
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, namespace
 from jaxclay.schemes.sums import Sums
 from jaxclay.schemes.system import System, padded
 
 
 def system_of(
-    rest: Rest, sums: Sums, material: Material, free: Array, target: Array, upper: Array
+    rest: Rest,
+    sums: Sums,
+    material: Material,
+    free: Bool[Array, "nodes"],
+    target: Float[Array, "nodes"],
+    upper: Bool[Array, "nodes-1"],
 ) -> System:
     """The system of a rest shape whose ``free`` nodes (n+1,) move and the others to ``target``.
 

@@ -11,7 +11,7 @@ from jaxclay.clay import text
 from jaxclay.clay.clay import Clay, unchecked_clay
 from jaxclay.model.band import Band, sides
 from jaxclay.model.side import Push, slope_change, solve_sides
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, namespace
 from jaxclay.numerics.host import (
     as_compiled,
     as_float64,
@@ -23,7 +23,7 @@ from jaxclay.numerics.host import (
 )
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.edges import with_jumps
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _CASES = ("none", "I", "II", "III")
 
@@ -40,7 +40,7 @@ class RoughShape:
     nodes : (n+1,) array
         Material coordinates u_i of these heights; with the scheme "spline" the nodes of the
         answer's clay.
-    point : Point
+    point : Displaced
         The same over l, as solvers hold it.
     reach : float
         u1, the material coordinate beyond which the clay above the band rests
@@ -55,25 +55,25 @@ class RoughShape:
         The effective band: heights of its first and last fixed node, since the
         tool's edges are quantised to nodes.
     floored : bool
-        Whether the thickness floor is active.
+        Whether the lower bound of thickness is active.
     feasible : bool
-        False where a held end leaves less room than the floor needs.
+        False where a held end leaves less room than the lower bound needs.
     """
 
-    heights: Array
-    nodes: Array
-    point: Point
-    reach: Array
-    reach_below: Array
-    sigma: Array
-    sigma_below: Array
-    band: Array
-    bottom: Array
-    top: Array
-    floored: Array
-    feasible: Array
-    case_code: Array
-    case_below_code: Array
+    heights: Float[Array, "nodes"]
+    nodes: Float[Array, "nodes"]
+    point: Displaced
+    reach: Float[Array, ""]
+    reach_below: Float[Array, ""]
+    sigma: Float[Array, ""]
+    sigma_below: Float[Array, ""]
+    band: Float[Array, "2"]
+    bottom: Float[Array, ""]
+    top: Float[Array, ""]
+    floored: Bool[Array, ""]
+    feasible: Bool[Array, ""]
+    case_code: Int[Array, ""]
+    case_below_code: Int[Array, ""]
 
     def clay(self, before: Clay) -> Clay:
         """The rough shape as clay, given the clay before the squash."""
@@ -93,7 +93,7 @@ class RoughShape:
             f"push {say(self.sigma, '.4g')}",
             f"below it: case {below}, reach u1 {say(self.reach_below, '.4g')}, "
             f"push {say(self.sigma_below, '.4g')}",
-            f"thickness floor active: {text.flag(self.floored)}",
+            f"lower bound active: {text.flag(self.floored)}",
         )
 
     @property
@@ -118,7 +118,7 @@ def rough_shape(problem: Any, discrete: bool = False) -> RoughShape:
     discrete : bool
         False: the continuum's minimiser at the nodes, as the paper has it, O(h)
         off the minimum of the sums.  True: the exact minimiser of the discrete
-        E_move (eq. 6 by the sums of eq. 21) above the floor, on the paper's scheme only.
+        E_move (eq. 6 by the sums of eq. 21) above the lower bound, on the paper's scheme only.
 
     Returns
     -------
@@ -144,13 +144,13 @@ def rough_shape(problem: Any, discrete: bool = False) -> RoughShape:
         return _describe(problem, *_solve(problem, discrete))
 
 
-def rough_start(problem: Problem) -> tuple[Point, Array]:
+def rough_start(problem: Problem) -> tuple[Displaced, Bool[Array, ""]]:
     """Where solves start, and whether the squash is feasible: the rough shape, not described."""
     point, (below, above) = _solve(problem, discrete=False)
     return point, problem.band.feasible & below.feasible & above.feasible
 
 
-def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
+def _solve(problem: Problem, discrete: bool) -> tuple[Displaced, tuple[Push, Push]]:
     xp = namespace(problem.shift, problem.band.lower)
     band = _node_band(problem) if discrete else problem.band
     below, above = sides(problem.rest, problem.tool, band)
@@ -177,7 +177,7 @@ def _solve(problem: Problem, discrete: bool) -> tuple[Point, tuple[Push, Push]]:
     # A node that counts as on the band's edge may lie a hair beside it.
     edge = problem.fixed[1:] != problem.fixed[:-1]
     thickness = xp.where(edge, problem.rest.thickness + xp.diff(shift), thickness)
-    point = Point(xp.where(problem.banded, problem.band_thickness, thickness), shift)
+    point = Displaced(xp.where(problem.banded, problem.band_thickness, thickness), shift)
     return point, (push_below, push_above)
 
 
@@ -192,7 +192,7 @@ def _node_band(problem: Problem) -> Band:
     )
 
 
-def _describe(problem: Problem, point: Point, pushes: tuple[Push, Push]) -> RoughShape:
+def _describe(problem: Problem, point: Displaced, pushes: tuple[Push, Push]) -> RoughShape:
     below, above = pushes
     band, nodes, unit = problem.band, _node_band(problem), problem.clay.unit
     return RoughShape(

@@ -10,7 +10,7 @@ a_i = p_{i+1} - p_i
 and every square has a weight.  The paper's scheme has h, a, c and the weights all 1/n; second-order
 slices (:mod:`jaxclay.schemes.slices`) have them where the clay is.
 
-Solvers hold a :class:`Point`, thicknesses beside displacements, rather than heights: second
+Solvers hold a :class:`Displaced`, thicknesses beside displacements, rather than heights: second
 differences of heights are rounding noise on fine grids.
 """
 
@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 
 from jaxclay.model.band import Rest
 from jaxclay.model.energy import Samples, Weights
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, namespace
 
 
-class Point(NamedTuple):
-    """A shape, lengths over the unit l.
+class Displaced(NamedTuple):
+    """A displaced shape, lengths over the unit l: the point that a minimiser is at.
 
     Attributes
     ----------
@@ -34,12 +34,12 @@ class Point(NamedTuple):
         Y_i - Y0_i.
     """
 
-    thickness: Array
-    shift: Array
+    thickness: Float[Array, "n"]
+    shift: Float[Array, "n+1"]
 
-    def moved(self, step: Array) -> Point:
+    def moved(self, step: Float[Array, "nodes"]) -> Displaced:
         """The shape after every node has moved by ``step``, (n+1,)."""
-        return Point(self.thickness + step[1:] - step[:-1], self.shift + step)
+        return Displaced(self.thickness + step[1:] - step[:-1], self.shift + step)
 
 
 class Sums(NamedTuple):
@@ -61,25 +61,25 @@ class Sums(NamedTuple):
         c_i of slices 1 .. n-2, spacings and weights of X_uu at once.
     """
 
-    width: Array
-    slices: Array
-    nodes: Array
-    apart: Array
-    between: Array
-    turn: Array
+    width: Float[Array, "n"]
+    slices: Float[Array, "n"]
+    nodes: Float[Array, "n+1"]
+    apart: Float[Array, "n-1"]
+    between: Float[Array, "n-1"]
+    turn: Float[Array, "n-2"]
 
 
-def radii(rest: Rest, sums: Sums, thickness: Array) -> Array:
+def radii(rest: Rest, sums: Sums, thickness: Float[Array, "n"]) -> Float[Array, "n"]:
     """(n,) X_i = r0 sqrt(h_i / t_i), eq. 22."""
     return rest.r0 / namespace(thickness).sqrt(thickness / sums.width)
 
 
-def sample(rest: Rest, sums: Sums, point: Point) -> Samples:
+def sample(rest: Rest, sums: Sums, point: Displaced) -> Samples:
     """Samples of the contour with X_i from eq. 22."""
     return sample_contour(rest, sums, point, radii(rest, sums, point.thickness))
 
 
-def sample_contour(rest: Rest, sums: Sums, point: Point, X: Array) -> Samples:
+def sample_contour(rest: Rest, sums: Sums, point: Displaced, X: Float[Array, "n"]) -> Samples:
     """The same for radii X (n,) of their own, whether or not they keep the volume."""
     Y_u = point.thickness / sums.width
     X_u = (X[1:] - X[:-1]) / sums.apart
@@ -94,7 +94,7 @@ def sample_contour(rest: Rest, sums: Sums, point: Point, X: Array) -> Samples:
     )
 
 
-def sample_free(samples: Samples, free: Array) -> Samples:
+def sample_free(samples: Samples, free: Bool[Array, "nodes"]) -> Samples:
     """Samples with the terms that touch no free node set to nothing; free is (n+1,) bool."""
     xp = namespace(samples.shift, free)
     slices: Any = free[1:] | free[:-1]

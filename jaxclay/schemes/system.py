@@ -20,10 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.numerics import banded
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.schemes.base import Pull
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 
 class Linear(NamedTuple):
@@ -40,10 +40,10 @@ class Linear(NamedTuple):
         1 at the nodes that move, 0 at the others, where the force is 0 too.
     """
 
-    between: Array
-    at_nodes: Array
-    force: Array
-    keep: Array
+    between: Float[Array, "n"]
+    at_nodes: Float[Array, "n+1"]
+    force: Float[Array, "n+1"]
+    keep: Float[Array, "n+1"]
 
 
 class System(NamedTuple):
@@ -73,58 +73,58 @@ class System(NamedTuple):
         The last is the sum of ``friction_limit``, or hardly anything.
     """
 
-    free: Array
-    target: Array
-    friction_limit: Array
-    upper: Array
-    width: Array
-    rest_thickness: Array
-    floor: Array
-    strain: Array
-    slope: Array
-    radii: tuple[Array, Array, Array]
-    apart: Array
-    tension: Array
-    change: Array
-    turn: Array
-    r0: Array
-    k: Array
-    mu: Array
-    friction_total: Array
+    free: Float[Array, "n+1"]
+    target: Float[Array, "n+1"]
+    friction_limit: Float[Array, "n+1"]
+    upper: Float[Array, "n"]
+    width: Float[Array, "n"]
+    rest_thickness: Float[Array, "n"]
+    floor: Float[Array, "n"]
+    strain: Float[Array, "n"]
+    slope: Float[Array, "n"]
+    radii: tuple[Float[Array, "n"], Float[Array, "n"], Float[Array, "n"]]
+    apart: Float[Array, "n-1"]
+    tension: Float[Array, "n-1"]
+    change: Float[Array, "n-1"]
+    turn: Float[Array, "n-2"]
+    r0: Scalar
+    k: Scalar
+    mu: Scalar
+    friction_total: Scalar
 
     # What a minimiser needs of any scheme: forces at the unknowns, at the places of friction
-    # and at those of the floor.
+    # and at those of the lower bound.
 
     @property
-    def loose(self) -> Array:
+    def loose(self) -> Bool[Array, "n"]:
         """(n,) whether a slice has a free end: only those can become too thin."""
         return self.floor > 0
 
-    def slack(self, point: Point) -> Array:
-        """(n,) thickness above the floor."""
+    def slack(self, point: Displaced) -> Float[Array, "n"]:
+        """(n,) thickness above the lower bound."""
         return point.thickness - self.floor
 
-    def moved(self, point: Point, step: Array) -> Point:
+    def moved(self, point: Displaced, step: Float[Array, "nodes"]) -> Displaced:
         """The point after every node has moved by ``step``, (n+1,)."""
         return point.moved(step)
 
-    def shift_change(self, step: Array) -> Array:
+    def shift_change(self, step: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """(n+1,) by how much a step changes the displacements."""
         return step
 
-    def thickness_change(self, step: Array) -> Array:
+    def thickness_change(self, step: Float[Array, "nodes"]) -> Float[Array, "nodes-1"]:
         """(n,) by how much a step changes the thicknesses."""
         return _differences(step)
 
-    def from_shift(self, forces: Array) -> Array:
+    def from_shift(self, forces: Float[Array, "nodes"]) -> Float[Array, "nodes"]:
         """(n+1,) what forces on the displacements do to the free nodes."""
         return forces
 
-    def from_thickness(self, forces: Array) -> Array:
+    def from_thickness(self, forces: Float[Array, "n"]) -> Float[Array, "n+1"]:
         """(n+1,) what forces on the thicknesses do to the free nodes."""
         return self.free * _to_nodes(forces)
 
-    def free_smooth(self, point: Point) -> Array:
+    def free_smooth(self, point: Displaced) -> Float[Array, ""]:
         """E_free without friction."""
         d, X = self._slopes(point)
         stretch = point.thickness / self.rest_thickness - 1
@@ -136,12 +136,12 @@ class System(NamedTuple):
             0.5 * (slices + padded(between, 0, 1) + padded(self.turn * turned * turned, 0, 2)).sum()
         )
 
-    def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
-        """Energy of friction smoothed by eps, and of the floor's barrier."""
+    def kinks(self, point: Displaced, eps: Scalar, weight: Float[Array, "n"]) -> Float[Array, ""]:
+        """Energy of friction smoothed by eps, and of the lower bound's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift * point.shift + eps * eps)
         return (smoothed[1:] - weight * jnp.log(self.slack(point))).sum()
 
-    def smooth_model(self, point: Point) -> Model:
+    def smooth_model(self, point: Displaced) -> Model:
         """Value and gradient (n+1,) of E_free without friction, its Hessian by thicknesses.
 
         The Hessian is four arrays (n,): three bands, of which the first holds all of it, and the
@@ -161,12 +161,12 @@ class System(NamedTuple):
         gradient = self._gradient(point, d, X1, by_radius)
         return Model(self.free_smooth(point), gradient, (first, beside, second, bend))
 
-    def gradient(self, point: Point) -> Array:
+    def gradient(self, point: Displaced) -> Float[Array, "nodes"]:
         """(n+1,) the gradient of E_free without friction."""
         d, X = self._slopes(point)
         return self._gradient(point, d, -X / (2 * point.thickness), self._by_radius(X))
 
-    def _slopes(self, point: Point) -> tuple[Array, Array]:
+    def _slopes(self, point: Displaced) -> tuple[Array, Array]:
         d = point.thickness / self.width
         return d, self.r0 / namespace(d).sqrt(d)
 
@@ -176,12 +176,12 @@ class System(NamedTuple):
         moment = self.turn * _differences(self.apart * step)
         return _to_nodes(self.tension * step + self.apart * _to_nodes(moment))
 
-    def _gradient(self, point: Point, d: Array, X1: Array, by_radius: Array) -> Array:
+    def _gradient(self, point: Displaced, d: Array, X1: Array, by_radius: Array) -> Array:
         strain = self.strain * (point.thickness / self.rest_thickness - 1) / self.rest_thickness
         by_slope = self.slope * d + _to_nodes(self.change * _differences(d))
         return self.from_thickness(strain + by_slope / self.width + X1 * by_radius)
 
-    def matrix(self, bands: Any, linear: Linear) -> Array:
+    def matrix(self, bands: Any, linear: Linear) -> Float[Array, "4 nodes"]:
         """(4, n+1) the Hessian by heights in bands, the identity where nodes are not kept."""
         first, second, third, _ = bands
         here = [padded(first + linear.between, 0, 1), padded(second, 0, 1), padded(third, 0, 1)]
@@ -196,7 +196,9 @@ class System(NamedTuple):
         masked = [keep * row * padded(keep, -k, k) for k, row in enumerate(rows)]
         return jnp.stack([masked[0] + (1 - keep), *masked[1:]])
 
-    def newton_step(self, _point: Point, bands: Any, pull: Pull) -> tuple[Array, Array]:
+    def newton_step(
+        self, _point: Displaced, bands: Any, pull: Pull
+    ) -> tuple[Float[Array, "nodes"], Bool[Array, ""]]:
         """(n+1,) H^-1 force on the free nodes; whether H is positive definite there."""
         return self.solve(bands, self.linear(bands, pull))
 
@@ -206,7 +208,7 @@ class System(NamedTuple):
         spread = pull.friction + 4 * pull.shift * jnp.max(bands[0])
         return Linear(between, spread, pull.force, self.free)
 
-    def solve(self, bands: Any, linear: Linear) -> tuple[Array, Array]:
+    def solve(self, bands: Any, linear: Linear) -> tuple[Float[Array, "nodes"], Bool[Array, ""]]:
         """(n+1,) H^-1 force on the nodes to keep, and whether H is positive definite there.
 
         In heights bending is of sixth order, and on fine grids the rounding of its entries hides
@@ -228,10 +230,10 @@ class System(NamedTuple):
         positive = (jnp.min(factor.pivots[:-1]) > 0) & (pivot > 0)
         return held + follow * (forward[-1] / pivot), positive
 
-    def evened(self, point: Point, fraction: Array) -> Point:
+    def evened(self, point: Displaced, fraction: Scalar) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band spread evenly.
 
-        Spread evenly between its ends a side is above the floor if it can be at all.
+        Spread evenly between its ends a side is above the lower bound if it can be at all.
         """
         xp = namespace(self.floor, point.shift, fraction)
         change = 0.0
@@ -240,15 +242,15 @@ class System(NamedTuple):
             even = rest * (now.sum() / xp.maximum(rest.sum(), 1e-300))
             change += fraction * (even - now)
         moved = xp.concatenate([xp.zeros(1), xp.cumsum(change)])
-        return Point(point.thickness + change, point.shift + self.free * moved)
+        return Displaced(point.thickness + change, point.shift + self.free * moved)
 
-    def put_to_rest(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Displaced, rests: Bool[Array, "nodes"]) -> Displaced:
         """The point with the nodes that rest, a bool array, exactly where they were."""
         stays = 1 - self.free * rests
         moved = point.moved(point.shift * (stays - 1))
         shift = moved.shift * stays
-        home = (abs(shift[1:]) + abs(shift[:-1]) == 0) & self.loose
-        return Point(jnp.where(home, self.rest_thickness, moved.thickness), shift)
+        resting = (abs(shift[1:]) + abs(shift[:-1]) == 0) & self.loose
+        return Displaced(jnp.where(resting, self.rest_thickness, moved.thickness), shift)
 
 
 def _differences(values: Array) -> Array:

@@ -20,7 +20,7 @@ from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_start
 from jaxclay.schemes.slices.posing import located
 from jaxclay.solve.certified_newton import Answer, Packed, answered, packed, program, unpacked
-from jaxclay.solve.minimize import begin_of, solution_of
+from jaxclay.solve.minimize import newton_start, solution_of
 from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
 from jaxclay.solve.solution import Solution
 from jaxclay.solve.start import start_of
@@ -132,8 +132,8 @@ def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Soluti
     sizes = [(each.problem.slices, each.problem.scheme) for each in wanted]
     for size in dict.fromkeys(sizes):
         same = [i for i, other in enumerate(sizes) if other == size]
-        for begin in range(0, len(same), _CAPACITY):
-            part = same[begin : begin + _CAPACITY]
+        for first in range(0, len(same), _CAPACITY):
+            part = same[first : first + _CAPACITY]
             found = _together([wanted[i] for i in part], [settings[i] for i in part])
             answers.update(zip(part, found, strict=True))
     return [answers[i] for i in range(len(wanted))]
@@ -149,12 +149,12 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
                 "minimize", from_rough_shapes, stack(pairs, _CAPACITY), count
             )
         else:
-            begins = [begin_of(each) for each in wanted]
-            feasible = [possible for _, possible in begins]
+            starts = [newton_start(each) for each in wanted]
+            feasible = [possible for _, possible in starts]
             rows = [
-                packed(problem.system, begin, chosen, possible)
-                for problem, (begin, possible), chosen in zip(
-                    problems, begins, settings, strict=True
+                packed(problem.system, start, chosen, possible)
+                for problem, (start, possible), chosen in zip(
+                    problems, starts, settings, strict=True
                 )
             ]
             many = Packed(*(_stacked(leaves) for leaves in zip(*rows, strict=True)))
@@ -178,7 +178,7 @@ def stack(trees: list[Any], size: int | None = None) -> Any:
 
 
 def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
-    """The arrays of all problems, with room for as many as one call takes."""
+    """The arrays of all problems, padded to as many as one call takes."""
     whole = np.zeros((_CAPACITY, *leaves[0].shape))
     whole[: len(leaves)] = leaves
     return whole
@@ -204,7 +204,7 @@ def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tu
 
 
 def _each(one: Any, count: Array) -> Any:
-    """The results of ``one`` for 0, 1 .. count - 1, with room for as many as one call takes."""
+    """The results of ``one`` for 0, 1 .. count - 1, padded to as many as one call takes."""
 
     def put(i, found):
         return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))

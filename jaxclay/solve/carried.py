@@ -9,11 +9,11 @@ import numpy as np
 from jaxclay.numerics.interpolation import displacement
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 
-def carried(problem: Problem, answer: Any) -> Point:
-    """An answer to the same squash of the same clay as a point of the problem, above the floor.
+def carried(problem: Problem, answer: Any) -> Displaced:
+    """An answer to the same squash of the same clay as a displaced shape of the problem.
 
     Its displacement between nodes is cubic, broken at edges of tools, and nothing where it rests
     all around.
@@ -23,4 +23,4 @@ def carried(problem: Problem, answer: Any) -> Point:
     change = point.thickness - solved.rest.thickness
     moved = displacement(nodes, point.shift, change, (nodes[:, None] == edges).any(axis=1))
     shift, change = moved.on(problem.rest.material)
-    return lifted(problem, problem.imposed(Point(problem.rest.thickness + change, shift)))
+    return lifted(problem, problem.imposed(Displaced(problem.rest.thickness + change, shift)))

@@ -1,7 +1,7 @@
 """The optimality check of every answer: how much could the local model still gain?
 
 With g, H the gradient and Hessian of the smooth energy on the free nodes,
-d = Y - Y0, friction forces lam with |lam_i| <= h mu and floor forces z >= 0,
+d = Y - Y0, friction forces lam with |lam_i| <= h mu and forces z >= 0 of the lower bound,
 r = g + lam - D^T z and positive definite H, the local model gains at most
 
     decrement = 1/2 r^T H^-1 r + sum (h mu |d_i| - lam_i d_i) + sum z_i (t_i - f t0_i)
@@ -20,20 +20,20 @@ import jax
 import jax.numpy as jnp
 
 from jaxclay.clay import text
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Shaped, namespace
 from jaxclay.numerics.banded import Model
 from jaxclay.numerics.host import pytree
 from jaxclay.schemes.base import DECREMENT, SMALL, Forces
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import Linear, System
 
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _CONSISTENT = 1e-12  # over the unit l
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-_PENALTY = 1e4  # over the Hessian's entry there: a larger one would drown the others' in rounding
-_TURNS = 5  # for each pair of forces, of which all but the last read off those of the floor
+_PENALTY = 1e4  # over the Hessian's entry there: more would drown the others' in rounding
+_TURNS = 5  # for each pair of forces, of which all but the last read off the lower bound's
 _LAST = _TURNS * (2 + len(_AT_REST))
-_ON_FLOOR = 1e-9  # slack over rest thickness below which the floor may push
+_AT_BOUND = 1e-9  # slack over rest thickness below which the lower bound may push
 
 
 @pytree
@@ -45,7 +45,7 @@ class Certificate:
     ----------
     accepted : bool
         Whether the answer is a local minimum: decrement <= 1e-10 max(E_free,
-        1e-3), step <= 1e-6, curvature positive, thicknesses above the floor.
+        1e-3), step <= 1e-6, curvature positive, thicknesses above the lower bound.
     decrement : float
         Most energy that the local model can still gain; inf without positive curvature.
     step : float
@@ -55,24 +55,24 @@ class Certificate:
         at exact minima on fine grids it is rounding noise.
     positive : bool
         Whether the Hessian is positive definite on the moves that are possible: if it
-        must be, without the nodes that rest and without thinning what the floor pushes on.
+        must be, without the nodes that rest and without thinning what the lower bound pushes on.
     admissible : bool
-        Whether heights increase, thicknesses obey the floor and agree with the
+        Whether heights increase, thicknesses obey the lower bound and agree with the
         heights, and the fixed nodes are where the tool wants them.
     energy_free : float
         E_free, the terms that touch a free node; gaps are relative to it.
     on_floor : int
-        Slices on which the floor pushes.
+        Slices on which the lower bound pushes.
     """
 
-    accepted: Array
-    decrement: Array
-    step: Array
-    residual: Array
-    positive: Array
-    admissible: Array
-    energy_free: Array
-    on_floor: Array
+    accepted: Bool[Array, ""]
+    decrement: Float[Array, ""]
+    step: Float[Array, ""]
+    residual: Float[Array, ""]
+    positive: Bool[Array, ""]
+    admissible: Bool[Array, ""]
+    energy_free: Float[Array, ""]
+    on_floor: Shaped[Array, ""]
 
     def __repr__(self) -> str:
         say, flag = text.figure, text.flag
@@ -80,7 +80,7 @@ class Certificate:
             f"Certificate: {flag(self.accepted, 'accepted', 'refused')}",
             f"{self.gain}, step {say(self.step, '.2g')} (at most {STEP:.2g})",
             f"positive curvature: {flag(self.positive)}, admissible: {flag(self.admissible)}, "
-            f"slices on the floor: {say(self.on_floor)}",
+            f"slices at the lower bound: {say(self.on_floor)}",
             f"E_free {say(self.energy_free)}, residual {say(self.residual, '.2g')}",
         )
 
@@ -92,12 +92,12 @@ class Certificate:
         return f"decrement {decrement} (at most {text.figure(most, '.2g')})"
 
 
-def accepted_decrement(energy_free: Array) -> Array:
+def accepted_decrement(energy_free: Float[Array, "*of"]) -> Float[Array, "*of"]:
     """The largest decrement that is accepted where E_free is this."""
     return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
 
 
-def certify(system: System, point: Point, forces: Forces) -> Certificate:
+def certify(system: System, point: Displaced, forces: Forces) -> Certificate:
     """Certify a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
     model = system.smooth_model(point)
     energy = model.value + system.friction_limit @ abs(point.shift)
@@ -111,7 +111,7 @@ def certify(system: System, point: Point, forces: Forces) -> Certificate:
     return concluded(system, point, found)
 
 
-def concluded(system: System, point: Point, found: Search) -> Certificate:
+def concluded(system: System, point: Displaced, found: Search) -> Certificate:
     """The certificate of a point whose forces have been searched for."""
     xp = namespace(point.shift, found.positive)
     best, positive, admissible = found.best, found.positive, _admissible(system, point)
@@ -128,7 +128,7 @@ def concluded(system: System, point: Point, found: Search) -> Certificate:
 
 
 class _Verdict(NamedTuple):
-    """What one pair of friction and floor forces says."""
+    """What one pair of friction and of the lower bound says."""
 
     decrement: Array
     step: Array
@@ -142,16 +142,16 @@ class _Verdict(NamedTuple):
 class Search(NamedTuple):
     """Where the search for the forces that certify a point stands.
 
-    Tried are the solver's own; its friction with floor forces read off; and for
-    each threshold h mu sign(d) beyond it and -g within, with floor forces read off.  Floor forces
+    Tried are the solver's own; its friction with the lower bound's forces z read off; and
+    for each threshold h mu sign(d) beyond it and -g within, with z read off.  These forces
     are those that stiff penalties need to hold the slices there (method of multipliers).  Where H
-    is indefinite nodes that rest with friction to spare are left out, and slices that the floor
-    pushes on, which cannot get thinner, may be held by penalties.
+    is indefinite nodes that rest with friction to spare are left out, and slices that the lower
+    bound pushes on, which cannot get thinner, may be held by penalties.
 
     Attributes
     ----------
     turn : int
-        Which pair, and how far its floor forces are read off.
+        Which pair, and how far its z is read off.
     floor : (n,) array
         Those forces.
     dropped, held : bools
@@ -182,16 +182,16 @@ class Search(NamedTuple):
 
     @property
     def reading(self) -> Array:
-        """How often floor forces have been read off for this pair."""
+        """How often z has been read off for this pair."""
         return jax.lax.rem(self.turn, _TURNS)
 
     @property
     def reads(self) -> Array:
-        """Whether this turn reads off floor forces."""
+        """Whether this turn reads off z."""
         return self.reading < _TURNS - 1
 
-    def forces(self, system: System, point: Point, gradient, own: Forces) -> Forces:
-        """The pair of this turn, floor forces as far as they are read off."""
+    def forces(self, system: System, point: Displaced, gradient, own: Forces) -> Forces:
+        """The pair of this turn, z as far as it is read off."""
         d, limit = point.shift, system.friction_limit
         i = jax.lax.div(self.turn, _TURNS)
         threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
@@ -216,7 +216,7 @@ def searched(positive: Array, energy_free: Array, *best: Array) -> Search:
 
 
 def asked(
-    system: System, point: Point, model: Model, own: Forces, search: Search
+    system: System, point: Displaced, model: Model, own: Forces, search: Search
 ) -> tuple[Linear, Forces]:
     """What the next turn takes: the residual, a Hessian that penalties may hold; its forces."""
     forces = search.forces(system, point, model.gradient, own)
@@ -228,18 +228,18 @@ def asked(
 
 
 def taken(
-    system: System, point: Point, model: Model, energy: Array, search: Search,
+    system: System, point: Displaced, model: Model, energy: Array, search: Search,
     linear: Linear, forces: Forces, answer: Array, positive: Array,
 ) -> Search:  # fmt: skip
     """The search after a turn whose residual r gave H^-1 r, ``answer``; ``energy`` is E_free."""
     d, limit, r = point.shift, system.friction_limit, linear.force
     friction, floor = forces
-    tight = touches_floor(system, point)
-    pushed = (floor > 0) & tight
-    touching, pushing = tight.sum(), pushed.sum()
+    touches = at_lower_bound(system, point)
+    pushed = (floor > 0) & touches
+    touching, pushing = touches.sum(), pushed.sum()
     left = 0.5 * r * answer + limit * abs(d) - friction * d
     decrement = (left[1:] + floor * system.slack(point)).sum()
-    # Penalties may stand in for the floor only where it pushes.
+    # Penalties may stand in for the lower bound only where it pushes.
     honest = ~search.held | (pushing == touching)
     decrement = jnp.where(honest & ~jnp.isnan(decrement), decrement, jnp.inf)
     shares = jnp.where(limit > 0, limit / system.mu, 1.0)
@@ -264,24 +264,24 @@ def taken(
     )
 
 
-def _penalties(system: System, point: Point, model: Model) -> Array:
-    """(n,) their strength on the slices at the floor."""
+def _penalties(system: System, point: Displaced, model: Model) -> Array:
+    """(n,) their strength on the slices at the lower bound."""
     first, *_, bend = model.bands
-    return touches_floor(system, point) * (_PENALTY * jnp.maximum(first, first - bend))
+    return at_lower_bound(system, point) * (_PENALTY * jnp.maximum(first, first - bend))
 
 
-def _admissible(system: System, point: Point) -> Array:
-    """Whether the shape keeps above the floor, in step with itself and to the tool."""
-    # A slice on the floor may lie below it by rounding.
+def _admissible(system: System, point: Displaced) -> Array:
+    """Whether the shape keeps above the lower bound, in step with itself and to the tool."""
+    # A slice at the lower bound may lie below it by rounding.
     low = -1e-12 * system.rest_thickness
-    above_floor = (system.slack(point) >= low).all() & (point.thickness > 0).all()
+    obeys_bound = (system.slack(point) >= low).all() & (point.thickness > 0).all()
     # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
     apart = system.rest_thickness + system.thickness_change(point.shift) - point.thickness
     missed = (1 - system.free) * (point.shift - system.target)
     consistent = abs(apart).max() <= _CONSISTENT
-    return above_floor & consistent & (abs(missed).max() <= _CONSISTENT)
+    return obeys_bound & consistent & (abs(missed).max() <= _CONSISTENT)
 
 
-def touches_floor(system: System, point: Point) -> Array:
-    """(n,) slices on which the floor may push."""
-    return system.slack(point) <= _ON_FLOOR * system.rest_thickness
+def at_lower_bound(system: System, point: Displaced) -> Bool[Array, "n"]:
+    """(n,) slices on which the lower bound may push."""
+    return system.slack(point) <= _AT_BOUND * system.rest_thickness

@@ -20,7 +20,7 @@ from jaxclay.methods.newton import NewtonSettings
 from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import compiled, in_float64
 from jaxclay.schemes.base import Forces
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import System
 from jaxclay.solve import certificate
 from jaxclay.solve.certificate import Certificate, Search
@@ -102,7 +102,7 @@ def unpacked(system: System, answer: Answer) -> tuple[Outcome, Certificate]:
     shift, friction = answer.nodes
     thickness, floor = answer.slices
     iterations, finished, finite, positive, *found = answer.scalars
-    point, forces = Point(thickness, shift), Forces(friction, floor)
+    point, forces = Displaced(thickness, shift), Forces(friction, floor)
     search = certificate.searched(positive > 0, *found)
     outcome = Outcome(point, forces, int(iterations), finished > 0, finite > 0)
     return outcome, certificate.concluded(system, point, search)
@@ -113,7 +113,7 @@ def packed(system: System, start: Start, settings: NewtonSettings, feasible: Arr
     s = system
     point = start.point
     if not feasible:
-        point = Point(s.rest_thickness, 0.0 * s.target)
+        point = Displaced(s.rest_thickness, 0.0 * s.target)
     state = newton.resume(system, point, start.forces, start.warm, settings)
     (thickness, shift), (friction, floor), _, finished, memory = state
     return Packed(
@@ -158,14 +158,14 @@ def program(values: Packed) -> Answer:
         friction_total=total,
     )  # fmt: skip
     memory, settings = newton.Memory(*rest_of[:3]), NewtonSettings(*rest_of[3:])
-    point, forces = Point(thickness, shift), Forces(friction, floor)
+    point, forces = Displaced(thickness, shift), Forces(friction, floor)
     first = State(point, forces, jnp.asarray(0), finished > 0, memory)
     return _answer(*certified_newton(system, first, settings, feasible > 0))
 
 
 def answered(system: System, start: Start, settings: NewtonSettings, feasible: Array) -> Answer:
     """The same from a start, for more than one in a program."""
-    rest = Point(system.rest_thickness, 0 * system.target)
+    rest = Displaced(system.rest_thickness, 0 * system.target)
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), start.point, rest)
     state = newton.resume(system, point, start.forces, start.warm, settings)
     state = state._replace(iterations=jnp.asarray(0))

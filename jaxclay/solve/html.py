@@ -19,7 +19,7 @@ def solution_html(solution: Any) -> str:
         "unknowns": f"{int(solution.unknowns)}",
         "decrement": f"{float(certificate.decrement):.2g}",
         "height": f"{float(solution.clay.height):.6g}",
-        "floor": f"active on {int(certificate.on_floor)} slices"
+        "lower bound": f"active on {int(certificate.on_floor)} slices"
         if certificate.on_floor
         else "inactive",
     }

@@ -1,7 +1,7 @@
 """Derivatives through a minimum, from the implicit function theorem.
 
 Where clay moves, the gradient of the energy stays 0 when the problem changes
-a little; where it rests, it goes on resting; slices on the floor stay on it.
+a little; where it rests, it goes on resting; slices at the lower bound stay on it.
 So one linear solve with the Hessian at the answer replaces differentiating the
 iterations, and the derivative is that of the minimum whatever method found it.
 It jumps where a node starts to move or a band's edge passes a node.
@@ -22,12 +22,12 @@ from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.host import promoting
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import Linear
-from jaxclay.solve.certificate import touches_floor
+from jaxclay.solve.certificate import at_lower_bound
 from jaxclay.solve.spline_derivative import of_splines
 
-_HOLD = 1e6  # stiffness that keeps slices on the floor, over the Hessian's own
+_HOLD = 1e6  # stiffness that keeps slices at the lower bound, over the Hessian's own
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(4,))
@@ -49,18 +49,18 @@ def _solve_jvp(method, primals, tangents):
     return outcome, tangent._replace(point=rule(problem, change, outcome))
 
 
-def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
+def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Displaced:
     """How the minimum's point on the paper's scheme changes with the problem."""
     point, system = outcome.point, problem.system
     moving = problem.free & (point.shift != 0)
     bands = system.smooth_model(point).bands
-    hold = jnp.where(touches_floor(system, point), _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
+    hold = jnp.where(at_lower_bound(system, point), _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
 
     def force(problem: Problem) -> Array:
         """What would move the free nodes if the problem changed around them."""
         system = problem.system
         shift = jnp.where(problem.fixed, problem.shift, point.shift)
-        here = Point(system.rest_thickness + system.thickness_change(shift), shift)
+        here = Displaced(system.rest_thickness + system.thickness_change(shift), shift)
         friction = system.friction_limit * jnp.sign(point.shift)
         return system.gradient(here) + friction + system.from_thickness(hold * system.slack(here))
 
@@ -69,7 +69,7 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Point:
     matrix = system.matrix(bands, linear)
     step = -banded.solve_exactly(matrix, jnp.where(moving, rate, 0.0))
     shift = jnp.where(problem.fixed, change.shift, jnp.where(moving, step, 0.0))
-    return Point(change.rest.thickness + jnp.diff(shift), shift)
+    return Displaced(change.rest.thickness + jnp.diff(shift), shift)
 
 
 def _no_change(leaf: Array) -> Array:

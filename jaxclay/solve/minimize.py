@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.methods.choice import method_settings, spline_settings
-from jaxclay.methods.loop import Outcome, Start, cold, solve
+from jaxclay.methods.loop import Outcome, Start, initial_guess, solve
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
@@ -33,7 +33,7 @@ from jaxclay.schemes.rough import RoughShape, rough_shape, rough_start
 from jaxclay.schemes.slices.nodes import least_slices
 from jaxclay.schemes.slices.posing import counted, located, pose_on_host
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import System
 from jaxclay.solve.certificate import Certificate, certify
 from jaxclay.solve.certified_newton import solve_on_host
@@ -134,16 +134,16 @@ def _check_tolerance(tolerance, concrete: bool, scheme, slices, spacing) -> None
 def _newton(wanted: Wanted) -> Solution:
     problem = wanted.problem
     with as_compiled():
-        begin, feasible = begin_of(wanted)
-        found = solve_on_host(problem.system, begin, NewtonSettings(), feasible)
+        start, feasible = newton_start(wanted)
+        found = solve_on_host(problem.system, start, NewtonSettings(), feasible)
         return solution_of(problem, feasible, *found, "newton")
 
 
-def begin_of(wanted: Wanted) -> tuple[Start, Array]:
-    """Where newton begins; and whether the squash is feasible, as it is where a start is known."""
+def newton_start(wanted: Wanted) -> tuple[Start, Array]:
+    """Where newton starts; and whether the squash is feasible, as it is where a start is known."""
     problem, start = wanted
     if start is not None:
-        return cold(problem, start), np.asarray(True)
+        return initial_guess(problem, start), np.asarray(True)
     rough, feasible = rough_start(problem)
     return start_of(problem, rough, None, "newton"), feasible
 
@@ -160,7 +160,7 @@ def _by(method: str, settings: dict[str, Any], found: Solution) -> Solution:
 def minimize(
     problem: Problem | SplineProblem,
     method: str = "newton",
-    start: Array | Point | Solution | None = None,
+    start: Array | Displaced | Solution | None = None,
     **settings: Any,
 ) -> Solution:
     """Minimise E_total (eq. 9) over the free heights, or a spline's free coefficients.
@@ -174,9 +174,9 @@ def minimize(
         From :func:`pose`.
     method : str
         A key of :data:`jaxclay.METHODS`.
-    start : (n+1,) array, Point or Solution, optional
+    start : (n+1,) array, Displaced or Solution, optional
         Heights to start from, in the clay's length unit (coefficients (N,) for a
-        spline), or a point over l; what is prescribed is put where the tool wants it.  Or the
+        spline), or a displaced shape; what is prescribed is put where the tool wants it.  Or the
         answer to a squash close by of the same clay, whose displacements, multipliers and resting
         nodes are used: that is for dragging a tool.  If not given, the rough shape.
     **settings
@@ -192,7 +192,7 @@ def minimize(
     ValueError
         Unknown method or setting, a method that does not know the problem's scheme, a
         setting out of its range, a start on another scheme, of the wrong length, out of order or
-        below the thickness floor.
+        below the lower bound of thickness.
     TypeError
         Inside a JAX transformation while float64 is off.
     """
@@ -205,8 +205,8 @@ def minimize(
     with as_compiled():
         problem = _in_numpy(problem)
         point, feasible = rough_start(problem)
-        begin = start_of(problem, point, start, method)
-        found = _solve_on_host(problem, begin, chosen, feasible, method)
+        first = start_of(problem, point, start, method)
+        found = _solve_on_host(problem, first, chosen, feasible, method)
         return solution_of(problem, feasible, *found, method)
 
 
@@ -239,19 +239,19 @@ def _certified(system: System, outcome: Outcome, feasible: Array) -> Certificate
     return certify(system, _kept(system, outcome, feasible), outcome.forces)
 
 
-def _kept(system: System, outcome: Outcome, feasible: Array) -> Point:
+def _kept(system: System, outcome: Outcome, feasible: Array) -> Displaced:
     """The outcome's point; the clay at rest where there is none."""
     point, xp = outcome.point, namespace(outcome.point, feasible)
     thickness = xp.where(feasible, point.thickness, system.rest_thickness)
-    return Point(thickness, xp.where(feasible, point.shift, 0.0))
+    return Displaced(thickness, xp.where(feasible, point.shift, 0.0))
 
 
 def _traced(problem, start, settings, method) -> Solution:
     """The same inside a transformation, with the minimum's derivatives."""
     rough = rough_shape(problem)
     still, rough_still = jax.lax.stop_gradient((problem, rough))
-    begin = jax.lax.stop_gradient(start_of(still, rough_still.point, start, method))
-    outcome = solve_implicitly(problem, begin, settings, rough.feasible, method)
+    first = jax.lax.stop_gradient(start_of(still, rough_still.point, start, method))
+    outcome = solve_implicitly(problem, first, settings, rough.feasible, method)
     still, last = jax.lax.stop_gradient((problem, outcome))
     certificate = _certified.traced(still.system, last, rough.feasible)
     solution = solution_of(problem, rough.feasible, outcome, certificate, method)

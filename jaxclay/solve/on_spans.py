@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.clay.clay import Clay
-from jaxclay.methods.loop import Outcome, Start, cold
-from jaxclay.numerics.arrays import Array
+from jaxclay.methods.loop import Outcome, Start, initial_guess
+from jaxclay.numerics.arrays import Array, Bool, Float
 from jaxclay.numerics.host import compiled, in_float64, is_transformed
 from jaxclay.schemes import sums
 from jaxclay.schemes.base import Forces
@@ -99,18 +99,20 @@ def begin_from(problem: SplineProblem, start: Any) -> Start:
             f"start must hold one coefficient for each of {problem.shift.shape[0]}: got shape "
             f"{np.shape(coefficients)}; give an answer on the same degree and elements"
         )
-    begin = in_float64("minimize", _from, problem, coefficients)
-    return Start(begin.point, start.forces, np.asarray(True)) if warm else begin
+    guess = in_float64("minimize", _from, problem, coefficients)
+    return Start(guess.point, start.forces, np.asarray(True)) if warm else guess
 
 
 @compiled()
 def _evenly(problem: SplineProblem) -> Start:
-    return cold(problem, problem.point(problem.even()))
+    return initial_guess(problem, problem.point(problem.even()))
 
 
 @compiled()
 def _from(problem: SplineProblem, coefficients: Array) -> Start:
-    return cold(problem, problem.point(jnp.where(problem.fixed, problem.shift, coefficients)))
+    return initial_guess(
+        problem, problem.point(jnp.where(problem.fixed, problem.shift, coefficients))
+    )
 
 
 @compiled("method")
@@ -156,11 +158,13 @@ def _certified(problem: SplineProblem, outcome: Outcome) -> tuple[Verdict, Array
     return Verdict(clay, point, terms, certificate, code), shift
 
 
-def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
+def shape(
+    problem: SplineProblem, coefficients: Float[Array, "N"]
+) -> tuple[Clay, Float[Array, "nodes"]]:
     """The clay that coefficients (N,) describe, and the displacement at its nodes, over l.
 
     Its heights are the spline's, its edges those of the band.  The clay before where no shape
-    obeys the floor.
+    obeys the lower bound.
     """
     on = problem.sliced
     free = problem.space.at(coefficients, on.rest.material)
@@ -168,11 +172,11 @@ def shape(problem: SplineProblem, coefficients: Array) -> tuple[Clay, Array]:
     shift = jnp.where(problem.rough.feasible, shift, 0.0)
     thickness = jnp.where(on.banded & problem.rough.feasible, on.band_thickness,
                           on.rest.thickness + jnp.diff(shift))  # fmt: skip
-    return on.shape(sums.Point(thickness, shift)), shift
+    return on.shape(sums.Displaced(thickness, shift)), shift
 
 
-def rising(problem: SplineProblem, coefficients: Array) -> Array:
-    """Whether Y_u is positive between the Gauss points too, which alone see the floor."""
+def rising(problem: SplineProblem, coefficients: Float[Array, "N"]) -> Bool[Array, ""]:
+    """Whether Y_u is positive between the Gauss points too, which alone see the lower bound."""
     splines, s = problem.space, jnp.arange(_PROBES) / (_PROBES - 1)
     length = splines.length[:, None]
     basis = bspline.basis(splines.length, splines.degree, s, (1,))[:, :, 0]

@@ -15,7 +15,7 @@ import numpy as np
 from jaxclay.clay.contour import contour_error_upto
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.posing import Located, pose_on_host
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.solve.carried import carried
 from jaxclay.solve.solution import Solution, Status
 
@@ -32,7 +32,7 @@ class Wanted(NamedTuple):
     """
 
     problem: Problem
-    start: Point | None
+    start: Displaced | None
 
 
 Plan = Generator[Wanted, Solution, Solution]

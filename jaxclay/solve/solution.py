@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from jaxclay.clay import text
 from jaxclay.model.energy import Terms
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, Shaped, namespace
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.host import is_concrete, kept, pytree
 from jaxclay.schemes.base import Forces
@@ -34,7 +34,7 @@ class Status(enum.IntEnum):
     NON_FINITE
         It left the finite numbers.
     INFEASIBLE
-        A held end leaves less room than the thickness floor needs.
+        A held end leaves less room than the lower bound of thickness needs.
     UNRESOLVED
         float64 cannot resolve bending on this grid, or the mesh not the shape.
     """
@@ -72,8 +72,12 @@ def shape_of(problem: Any, point: Any) -> Any:
 
 
 def status_code(
-    finished: Array, accepted: Array, finite: Array, feasible: Array, hidden: Array
-) -> Array:
+    finished: Bool[Array, ""],
+    accepted: Bool[Array, ""],
+    finite: Bool[Array, ""],
+    feasible: Bool[Array, ""],
+    hidden: Bool[Array, ""],
+) -> Int[Array, ""]:
     """The status of an outcome; ``hidden`` where float64 could not resolve it."""
     xp = namespace(finished, accepted, finite, feasible, hidden)
     code = xp.where(finished, Status.STALLED.value, Status.ITERATION_LIMIT.value)
@@ -92,8 +96,8 @@ _MEANING = {
     "shape is kept. Check the material's constants against the clay's size",
     Status.UNRESOLVED: "so many slices that float64 cannot resolve the bending term: rounding "
     "hides how softly the clay gives way",
-    Status.INFEASIBLE: "no shape obeys the thickness floor: the held end leaves too little room. "
-    "Lower top, lower material.floor or let the upper end free",
+    Status.INFEASIBLE: "no shape obeys the lower bound of thickness: the held end leaves too "
+    "little room. Lower top, lower material.floor or let the upper end free",
 }
 
 
@@ -113,7 +117,7 @@ class Solution:
     Attributes
     ----------
     problem : Problem or SplineProblem
-    point : Point
+    point : Displaced
         The shape over l, as solvers hold it.
     forces : Forces
         The method's multipliers, from which a squash close by can start.
@@ -135,11 +139,11 @@ class Solution:
     problem: Any
     point: Any
     forces: Forces
-    iterations: Array
-    levels: Array
+    iterations: Scalar
+    levels: Shaped[Array, "g"]
     certificate: Certificate
-    status_code: Array
-    error_estimate: Array | None = None
+    status_code: Int[Array, ""]
+    error_estimate: Scalar | None = None
     derived: Derived | None = None
     method: str = dataclasses.field(default="newton", metadata={"static": True})
 
@@ -154,7 +158,7 @@ class Solution:
         return self.problem.terms(self.point) if self.derived is None else self.derived.terms
 
     @property
-    def energy(self) -> Array:
+    def energy(self) -> Float[Array, "..."]:
         """E_total (eq. 9)."""
         return self.terms.total
 
@@ -170,12 +174,12 @@ class Solution:
         return self.problem.clay if before is None else before
 
     @property
-    def heights(self) -> Array:
+    def heights(self) -> Float[Array, "... nodes"]:
         """(n+1,) Y_i, in the clay's length unit."""
         return self.clay.heights
 
     @property
-    def unknowns(self) -> Array:
+    def unknowns(self) -> Shaped[Array, ""]:
         """How many heights or coefficients were free."""
         return self.problem.unknowns
 
@@ -205,7 +209,7 @@ class Solution:
         if self.status is Status.UNRESOLVED and not on_slices:
             return (
                 f"{self.method}: unresolved: the spans are so long that Y_u is negative between "
-                "the points that see the floor, which is no shape: give more elements"
+                "the points that see the lower bound, which is no shape: give more elements"
             )
         if self.status is Status.UNRESOLVED:
             most = resolvable_slices(self.problem)

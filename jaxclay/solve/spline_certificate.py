@@ -1,7 +1,7 @@
 """The certificate of :mod:`jaxclay.solve.certificate` for splines.
 
 The bound is the same, r = g + B^T lam - D^T z, with friction's forces lam at its
-points and the floor's z at the Gauss points.  Only the forces of clay at rest
+points and the lower bound's z at the Gauss points.  Only the forces of clay at rest
 cannot be read off the gradient point by point: they are the method's own or, for
 methods that know none, those that penalties at these points need to hold it.
 """
@@ -15,7 +15,7 @@ from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.banded import Factor, Model
 from jaxclay.schemes.base import Forces
 from jaxclay.schemes.spline.problem import SplineProblem
-from jaxclay.schemes.spline.space import Point
+from jaxclay.schemes.spline.space import Displaced
 from jaxclay.solve.certificate import STEP, Certificate, accepted_decrement
 
 _AT_REST = (0.0, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5)
@@ -23,7 +23,7 @@ _PENALTY, _ROUNDS = 1e6, 6
 _CONSISTENT = 1e-12
 
 
-def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate:
+def certify(problem: SplineProblem, point: Displaced, forces: Forces) -> Certificate:
     """Certify a point; ``forces`` are the method's own multipliers, zeros if it has none."""
     model, limit = problem.smooth_model(point), problem.friction_limit
     energy = model.value + jnp.sum(limit * jnp.abs(point.shift))
@@ -67,7 +67,7 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
     positive = factor.positive
     share = problem.space.from_values(problem.space.friction_weight)
     share = jnp.where(problem.free, share, 1.0)
-    tight = problem.loose & (problem.slack(point) <= 1e-9 * problem.rest_thickness)
+    touches = problem.loose & (problem.slack(point) <= 1e-9 * problem.rest_thickness)
     return Certificate(
         accepted=passes(decrement, step) & positive & admissible,
         decrement=jnp.where(positive, decrement, jnp.inf),
@@ -76,11 +76,11 @@ def certify(problem: SplineProblem, point: Point, forces: Forces) -> Certificate
         positive=positive,
         admissible=admissible,
         energy_free=energy,
-        on_floor=jnp.sum(tight),
+        on_floor=jnp.sum(touches),
     )
 
 
-def _factor(problem: SplineProblem, point: Point, model: Model, lam: Array) -> Factor:
+def _factor(problem: SplineProblem, point: Displaced, model: Model, lam: Array) -> Factor:
     """The Hessian's factor; where it is indefinite, with clay at rest held by penalties.
 
     Clay that rests with friction to spare does not move whatever the curvature there.
@@ -97,7 +97,7 @@ def _factor(problem: SplineProblem, point: Point, model: Model, lam: Array) -> F
     return jax.lax.cond(holds, lambda: with_penalties(penalties), lambda: plain)
 
 
-def _held(problem: SplineProblem, point: Point, model, lam: Array, z: Array, penalties: Array):
+def _held(problem: SplineProblem, point: Displaced, model, lam: Array, z: Array, penalties: Array):
     """Forces within friction's limits at the points with penalties that balance the others best.
 
     Method of multipliers: the penalties' forces are added up until the points stay.
@@ -113,8 +113,8 @@ def _held(problem: SplineProblem, point: Point, model, lam: Array, z: Array, pen
     return jax.lax.fori_loop(0, _ROUNDS, add, lam)
 
 
-def _admissible(problem: SplineProblem, point: Point) -> Array:
-    """Whether Y_u keeps above the floor and the prescribed coefficients are kept."""
+def _admissible(problem: SplineProblem, point: Displaced) -> Array:
+    """Whether Y_u keeps above the lower bound and the prescribed coefficients are kept."""
     low = -1e-12 * problem.rest_thickness
     above = jnp.all(jnp.where(problem.loose, problem.slack(point) >= low, True))
     missed = jnp.where(problem.fixed, point.coefficients - problem.shift, 0.0)

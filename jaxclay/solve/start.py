@@ -1,4 +1,4 @@
-"""Where a solve begins: the rough shape, the caller's heights, or an answer close by."""
+"""Initial guesses and warm starts: the rough shape, the caller's heights, or an answer close by."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxclay.methods.loop import Start, cold
+from jaxclay.methods.loop import Start, initial_guess
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_transformed
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.density import layer_of
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.solve.solution import Solution
 
 
-def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
+def start_of(problem: Problem, rough: Displaced, start: Any, method: str) -> Start:
     """What the caller gave as start, checked; else the rough shape, rounded for newton."""
     if start is None:
-        return cold(problem, rounded(problem, rough) if method == "newton" else rough)
+        return initial_guess(problem, rounded(problem, rough) if method == "newton" else rough)
     check_same_scheme(problem, start)
-    if isinstance(start, Point):
+    if isinstance(start, Displaced):
         _check_one_each(problem, start.shift)
-        return cold(problem, start)
+        return initial_guess(problem, start)
     if not isinstance(start, Solution):
-        return cold(problem, start_from(problem, start))
+        return initial_guess(problem, start_from(problem, start))
     if start.problem.slices != problem.slices:
         raise ValueError(
             f"start is an answer on {start.problem.slices} slices, but this clay has "
@@ -38,14 +38,17 @@ def start_of(problem: Problem, rough: Point, start: Any, method: str) -> Start:
 
 
 def check_same_scheme(problem: Any, start: Any) -> None:
-    """Raise where an answer or a point is of another scheme than the problem."""
+    """Raise where an answer or a displaced shape is of another scheme than the problem."""
     own = f'"{problem.scheme}"'
     if isinstance(start, Solution):
         what, theirs = "an answer", f'"{start.problem.scheme}"'
     elif hasattr(start, "coefficients"):
-        what, theirs = "a point", '"spline"'
-    elif isinstance(start, Point):
-        what, theirs = "a point", own if problem.scheme != "spline" else '"slices" or "paper"'
+        what, theirs = "a displaced shape", '"spline"'
+    elif isinstance(start, Displaced):
+        what, theirs = (
+            "a displaced shape",
+            own if problem.scheme != "spline" else '"slices" or "paper"',
+        )
     else:
         return
     if theirs != own:
@@ -60,7 +63,7 @@ def check_same_scheme(problem: Any, start: Any) -> None:
         )
 
 
-def rounded(problem: Problem, point: Point) -> Point:
+def rounded(problem: Problem, point: Displaced) -> Displaced:
     """A rough shape whose jumps of radius at the band's edges are rounded as smoothing will do.
 
     At the distance x from an edge the stretch changes by (1 - x / l) e^(-x / l) of what it jumps
@@ -86,10 +89,12 @@ def rounded(problem: Problem, point: Point) -> Point:
     none = xp.zeros(1)
     shift = point.shift + xp.concatenate([none, xp.cumsum(above)])
     shift -= xp.concatenate([xp.cumsum(below[::-1])[::-1], none])
-    return lifted(problem, problem.imposed(Point(rest.thickness + shift[1:] - shift[:-1], shift)))
+    return lifted(
+        problem, problem.imposed(Displaced(rest.thickness + shift[1:] - shift[:-1], shift))
+    )
 
 
-def start_from(problem: Problem, heights: Array) -> Point:
+def start_from(problem: Problem, heights: Array) -> Displaced:
     """The caller's heights as a point that obeys the tool."""
     if not is_transformed(problem, heights):
         heights = np.asarray(heights, np.float64)
@@ -98,9 +103,9 @@ def start_from(problem: Problem, heights: Array) -> Point:
     if not is_transformed(problem, heights):
         if not np.isfinite(heights).all() or (np.diff(heights) <= 0).any():
             raise ValueError("start must be finite and increase from node to node")
-        room = problem.slack(point)
-        if (room < -1e-9 * problem.rest.thickness).any():
-            i = int(np.argmin(room / problem.rest.thickness))
+        slack = problem.slack(point)
+        if (slack < -1e-9 * problem.rest.thickness).any():
+            i = int(np.argmin(slack / problem.rest.thickness))
             raise ValueError(
                 f"start, with the band where the tool wants it, makes slice {i} "
                 f"{point.thickness[i] / problem.rest.thickness[i]:.3g} times as thick as before: "

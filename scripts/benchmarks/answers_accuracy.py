@@ -32,7 +32,7 @@ def to_tolerance(effort) -> Part:
     )
     bounds, solves = [], np.zeros(2)
     for tolerance, most in zip(TOLERANCES, ((64, 256), (256, 512)), strict=True):
-        rows = [_row(scene, truth.clay, tolerance, effort.seconds) for scene, truth in pairs]
+        rows = [_row(scene, known.clay, tolerance, effort.seconds) for scene, known in pairs]
         error, estimate, slices, seconds, unit = np.array(rows).T
         within, picked = np.mean(error <= tolerance), np.quantile(slices, (0.5, 0.9))
         ratios = np.quantile(estimate / error, (0.1, 0.5, 0.9))
@@ -58,10 +58,10 @@ def _between(what: str, value: float, least: float, most: float) -> Bound:
     return Bound(what, f"{least:g} to {most:g}", f"{value:.3g}", bool(least <= value <= most))
 
 
-def _row(scene: Scene, truth: Clay, tolerance: float, seconds: float) -> tuple[float, ...]:
+def _row(scene: Scene, reference: Clay, tolerance: float, seconds: float) -> tuple[float, ...]:
     """True error (infinite if refused), estimate, slices, seconds, seconds of a solve at 128."""
     answer = deform(*scene[:3], tolerance=tolerance)
-    error = contour_error(answer.clay, truth) if answer.status is Status.CONVERGED else np.inf
+    error = contour_error(answer.clay, reference) if answer.status is Status.CONVERGED else np.inf
     call = lambda: deform(*scene[:3], tolerance=tolerance)  # noqa: E731
     taken = medians({"deform": call, "solve": kernel(posed(scene, 128))}, seconds)
     estimate, slices = float(answer.error_estimate or np.nan), np.size(answer.heights) - 1

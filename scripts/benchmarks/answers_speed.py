@@ -16,7 +16,7 @@ import jaxclay
 from jaxclay import Clay, Material, Squash
 from jaxclay.experiments.compare.peers import prepare
 from jaxclay.experiments.compare.solves import compiled_call
-from jaxclay.methods.loop import cold
+from jaxclay.methods.loop import initial_guess
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.slices.posing import located
@@ -46,7 +46,7 @@ def kernel(problem: Problem) -> Callable[[], Any]:
 def equations(problem: Problem) -> int:
     """How many equations the program of one solve with its certificate has, all levels counted."""
     rough = jaxclay.rough_shape(problem)
-    start = cold(problem, rough.point)
+    start = initial_guess(problem, rough.point)
     values = packed(problem.system, start, NewtonSettings(), rough.feasible)
     with jax.enable_x64(True):
         return _equations(jax.make_jaxpr(program.traced)(values).jaxpr)

@@ -56,10 +56,10 @@ def solvers(counts: np.ndarray) -> dict[str, Callable[[], tuple[np.ndarray, int]
         found = scipy.optimize.minimize(fun, start, jac=True, method=method, **more)
         return found.x, found.nit
 
-    tight = {"maxiter": 5000, "maxfun": 10000, "ftol": 1e-15, "gtol": 1e-9, "maxcor": 20}
+    strict = {"maxiter": 5000, "maxfun": 10000, "ftol": 1e-15, "gtol": 1e-9, "maxcor": 20}
     calls = {
         "minimize_banded": banded,
-        "SciPy L-BFGS-B": lambda: scipys("L-BFGS-B", options=tight),
+        "SciPy L-BFGS-B": lambda: scipys("L-BFGS-B", options=strict),
         "SciPy trust-krylov": lambda: scipys(
             "trust-krylov", hessp=lambda x, p: np.asarray(push(x, p)), options={"gtol": 1e-9}
         ),

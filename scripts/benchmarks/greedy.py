@@ -15,7 +15,7 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 import jax
 
 import jaxclay
-from jaxclay.methods.loop import cold, solve
+from jaxclay.methods.loop import initial_guess, solve
 from jaxclay.numerics.host import as_float64
 from jaxclay.solve.minimize import method_settings
 
@@ -30,7 +30,9 @@ def visits_a_second(slices: int) -> list[float]:
     settings = method_settings("greedy", {"step": 1e-9, "max_iterations": SWEEPS})
     start = jaxclay.rough_shape(problem).point
     with jax.enable_x64(True):
-        arguments = jax.device_put(as_float64((problem, cold(problem, start), settings, True)))
+        arguments = jax.device_put(
+            as_float64((problem, initial_guess(problem, start), settings, True))
+        )
         figures = []
         for _ in range(RUNS + 1):
             begin = time.perf_counter()

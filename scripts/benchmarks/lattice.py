@@ -31,7 +31,7 @@ from jaxclay.numerics.checks import REFUSALS
 from jaxclay.numerics.host import compiled, in_float64
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 GRIDS = (32, 64)
 LABELS = 15
@@ -43,7 +43,7 @@ BACK = 1e-5  # of l: how near the minimum newton has to end from another contour
 LOWER = 1e-9  # of E_free: what counts as a lower energy; certificates leave 1e-10 open
 _LEGEND = """
 searched: half-width of the widest lattice; E_total: of newton's certified minimum;
-lattice, polished: least energy of the other contours, before and after newton, less E_total,
+lattice, refined: least energy of the other contours, before and after newton, less E_total,
 over E_free; back: how many of them newton brought back to the minimum"""
 
 
@@ -58,12 +58,12 @@ class Finding:
     contours: int = 0
     back: int = 0
     lattice: float = np.inf
-    polished: float = np.inf
+    refined: float = np.inf
 
     @property
     def better(self) -> bool:
         """Whether any energy lies below the minimum's."""
-        return min(self.lattice, self.polished) < -LOWER
+        return min(self.lattice, self.refined) < -LOWER
 
     @property
     def verdict(self) -> str:
@@ -75,7 +75,7 @@ class Finding:
 
 
 def search(name: str, units: str, minimum: jaxclay.Solution) -> Finding:
-    """Search around a minimum, and polish what differs from it."""
+    """Search around a minimum, and refine by newton what differs from it."""
     problem = minimum.problem
     finding = Finding(name, units, problem.slices, minimum)
     unit, scale = float(problem.clay.unit), float(minimum.certificate.energy_free)
@@ -86,17 +86,17 @@ def search(name: str, units: str, minimum: jaxclay.Solution) -> Finding:
     for heights, energy in contours(minimum):
         if np.isinf(energy) or apart(heights) <= SAME:
             continue
-        polished = jaxclay.minimize(problem, start=heights)
+        refined = jaxclay.minimize(problem, start=heights)
         finding.contours += 1
-        finding.back += apart(polished.heights) <= BACK
+        finding.back += apart(refined.heights) <= BACK
         finding.lattice = min(finding.lattice, (energy - float(minimum.energy)) / scale)
-        gap = float(polished.energy - minimum.energy) / scale
-        finding.polished = min(finding.polished, gap)
+        gap = float(refined.energy - minimum.energy) / scale
+        finding.refined = min(finding.refined, gap)
     return finding
 
 
 def contours(minimum: jaxclay.Solution) -> Iterator[tuple[np.ndarray, float]]:
-    """Heights and energies of what the lattice finds; inf where the floor forbids it."""
+    """Heights and energies of what the lattice finds; inf where the lower bound forbids it."""
     problem = minimum.problem
     rest = in_float64("lattice", _rest, problem)
     for spacing in SPACINGS:
@@ -121,8 +121,8 @@ def contours(minimum: jaxclay.Solution) -> Iterator[tuple[np.ndarray, float]]:
 
 @compiled()
 def _rest(problem: Problem) -> jax.Array:
-    """Heights at rest but for the band, and what makes room for it."""
-    rest = Point(problem.rest.thickness, jnp.zeros_like(problem.shift))
+    """Heights at rest but for the band, and what makes space for it."""
+    rest = Displaced(problem.rest.thickness, jnp.zeros_like(problem.shift))
     return problem.shape(lifted(problem, problem.imposed(rest))).heights
 
 
@@ -183,12 +183,12 @@ def as_table(findings: list[Finding]) -> Table:
     table = Table(box=None)
     for name in ("scene", "units"):
         table.add_column(name)
-    for name in ("slices", "searched", "E_total", "lattice", "polished", "back"):
+    for name in ("slices", "searched", "E_total", "lattice", "refined", "back"):
         table.add_column(name, justify="right")
     table.add_column("verdict")
     for f in findings:
         widest = SPACINGS[-1] / f.slices * (LABELS // 2)
-        numbers = f"{float(f.minimum.energy):.8g}", f"{f.lattice:+.1e}", f"{f.polished:+.1e}"
+        numbers = f"{float(f.minimum.energy):.8g}", f"{f.lattice:+.1e}", f"{f.refined:+.1e}"
         back = f"{f.back}/{f.contours}"
         table.add_row(f.scene, f.units, str(f.slices), f"{widest:.2f} l", *numbers, back, f.verdict)
     return table

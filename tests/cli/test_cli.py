@@ -129,7 +129,7 @@ BAD = {
         "teapot in 2048 slices .*1.7e-05.* ask for 1.8e-05",
     ),
     "held end": (["teapot", "--squash", "1:3:1.5", "--top-fixed"], "no room.*3"),
-    "no room for the floor": (
+    "no room for the lower bound": (
         ["teapot", "--squash", "0:2.24:1.5", "--top-fixed"],
         r"infeasible.*Above top are 0\.01.*at least",
     ),

@@ -6,6 +6,7 @@ import pytest
 
 import jaxclay
 from jaxclay import moved
+from jaxclay.schemes.sums import Displaced
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,7 @@ def test_an_old_module_warns_and_holds_what_the_new_one_does(old):
 OLD = [
     ("jaxclay.clay", "Clay", lambda: jaxclay.Clay),
     ("jaxclay.clay", "Material", lambda: jaxclay.Material),
+    ("jaxclay.schemes.sums", "Point", lambda: Displaced),
     ("jaxclay.compare", "load", lambda: importlib.import_module("jaxclay.experiments").load),
     ("jaxclay.compare", "sweep", lambda: importlib.import_module("jaxclay.experiments").run),
 ]

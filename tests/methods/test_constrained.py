@@ -1,4 +1,4 @@
-"""The minimisers that know the floor as a bound, eq. 22 as a constraint, or neither: Adam."""
+"""The minimisers that know the lower bound as such, eq. 22 as a constraint, or neither: Adam."""
 
 import numpy as np
 import oracles
@@ -22,7 +22,7 @@ ALL = [*BOUNDED, "augmented-lagrangian"]
 
 
 def floor_scenes():
-    """Convex scenes whose minimum lies on the floor: end free, end held, band in the middle."""
+    """Convex scenes whose minimum is at the lower bound: end free, end held, band in the middle."""
     squashes = [
         (Squash(0.0, 0.5, 0.3), 3.0),
         (Squash(0.0, 0.75, 0.2, top_fixed=True), 3.0),

@@ -97,7 +97,7 @@ def test_printed_constants_stop_greedy_far_from_the_minimum():
 
 @pytest.mark.parametrize("step", [1e-3, 1e-4])
 def test_floor_is_never_crossed(step):
-    # Without smoothing the minimum lies on the floor, so greedy runs down onto it.
+    # Without smoothing the minimum lies at the lower bound, so greedy runs down onto it.
     problem = cylinder_problem(Squash(0, 0.5, 0.3), Material(mu=3.0, alpha=0.0, beta=0.0))
     minimum = rough_shape(problem, discrete=True)
     assert minimum.floored

@@ -39,7 +39,7 @@ def outside(problem, energy):
 
 @pytest.fixture(scope="module")
 def derivative():
-    """E_total and its gradient; below the floor it goes on with a penalty, at the kinks with 0."""
+    """E_total and its gradient; penalised below the lower bound, at the kinks with 0."""
 
     def energy(problem, heights):
         point = problem.point(heights)

@@ -22,7 +22,7 @@ TINY = {
     "middle band": (Squash(0.3, 0.7, 0.45), COARSE),
     "drawing in": (Squash(0.0, 0.2, 0.6), COARSE),
     "top held": (Squash(0.0, 0.3, 0.4, top_fixed=True), COARSE),
-    "on the floor": FLOORED,
+    "at the lower bound": FLOORED,
 }
 
 

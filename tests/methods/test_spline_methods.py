@@ -59,7 +59,7 @@ def test_without_friction_there_is_nothing_to_hold():
 
 
 def test_preconditioned_ends_on_the_floor():
-    """Convex: no other minimum than the one on the floor that newton finds."""
+    """Convex: no other minimum than the one at the lower bound that newton finds."""
     squash, material = Squash(0.0, 0.5, 0.3), Material(mu=2.5, alpha=0.0, beta=0.0)
     solution = agreeing(squash, material, "lbfgs-preconditioned")
     assert solution.certificate.on_floor > 0

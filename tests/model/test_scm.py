@@ -14,7 +14,7 @@ U = np.arange(65) / 64
 
 
 def closed_form(clay, u0, y0, ratio, held):
-    """Case and heights at the nodes above u0, straight from eqs. 13-19; None on the floor."""
+    """Case and heights at the nodes above u0, straight from eqs. 13-19; None at the lower bound."""
     field = oracles.SlopeField(np.diff(clay.heights) * clay.slices)
     displacement = y0 - field.height(u0)
     pivot = oracles.rough_case_one(field, u0, displacement, ratio)
@@ -178,7 +178,7 @@ def test_floor_on_a_fine_grid(held):
 
 
 def thinned(displacement, floor=0.1, ratio=3.0):
-    """Length at the floor: d = (1 - f) (length + (1 - f) / (2 ratio))."""
+    """Length at the lower bound: d = (1 - f) (length + (1 - f) / (2 ratio))."""
     return displacement / (1 - floor) - (1 - floor) / (2 * ratio)
 
 
@@ -200,8 +200,8 @@ def test_discrete_form_is_the_minimum_above_the_floor(squash):
 
 
 def test_no_room_above_the_band_is_reported():
-    room = rough_shape(cylinder_problem(Squash(0, 0.97, 0.4, top_fixed=True)))
+    fits = rough_shape(cylinder_problem(Squash(0, 0.97, 0.4, top_fixed=True)))
     none = rough_shape(cylinder_problem(Squash(0, 0.99, 0.4, top_fixed=True)))
-    # The floor 0.05 of the clay above needs 0.05 * (1 - 0.64 * 0.99) = 0.018 of the 0.01 left.
-    assert room.feasible
+    # At the bound 0.05 the clay above needs 0.05 * (1 - 0.64 * 0.99) = 0.018 of the 0.01 left.
+    assert fits.feasible
     assert not none.feasible

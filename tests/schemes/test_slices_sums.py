@@ -62,9 +62,9 @@ def check_problem(problem, rng, rel=1e-11, band=1e-9, friction=1e-12):
     with jax.enable_x64(True):
         assert_same(problem.free_terms(problem.point(given_heights * unit)), free, rel)
     for name in oracle.NAMES:
-        slack = friction if name == "friction" else 1e-15
+        margin = friction if name == "friction" else 1e-15
         found = float(getattr(problem.band_terms, name))
-        assert found == pytest.approx(own[name], rel=band, abs=slack), name
+        assert found == pytest.approx(own[name], rel=band, abs=margin), name
     both = oracle.free_terms(scene, heights, everything=True)
     total = {name: both[name] + float(getattr(problem.band_terms, name)) for name in both}
     assert_same(jaxclay.energy_terms(problem, given_heights * unit), total, rel)

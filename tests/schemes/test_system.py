@@ -8,10 +8,10 @@ from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
 
 import jaxclay
 from jaxclay import Clay, Material, pose
-from jaxclay.methods.loop import cold
+from jaxclay.methods.loop import initial_guess
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.numerics import banded
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import Linear
 from jaxclay.solve.certified_newton import packed, program
 
@@ -30,7 +30,7 @@ def system_at(name, slices=24):
     problem = pose(Clay.cylinder(), squash, material, scheme, slices=slices)
     rough = jaxclay.rough_shape(problem).point
     bumps = 1e-3 * np.sin(np.arange(slices + 1)) * problem.free
-    return problem, Point(rough.thickness + np.diff(bumps), rough.shift + bumps)
+    return problem, Displaced(rough.thickness + np.diff(bumps), rough.shift + bumps)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -48,12 +48,12 @@ def test_gradient_and_hessian_are_those_of_seven_coloured_products(name):
 
         def energy(step):
             here = point.moved(jnp.where(free, step, 0.0))
-            return problem.free_terms(Point(*map(jnp.asarray, here))).smooth
+            return problem.free_terms(Displaced(*map(jnp.asarray, here))).smooth
 
         none = jnp.zeros(free.shape[0])
         expected = banded.local_model(energy, none, 3)
         system = jax.tree.map(jnp.asarray, problem.system)
-        model = system.smooth_model(Point(*map(jnp.asarray, point)))
+        model = system.smooth_model(Displaced(*map(jnp.asarray, point)))
         matrix = system.matrix(model.bands, Linear(0.0, none, none, system.free))
         wanted = banded.masked(expected.bands, free)
         scale = np.abs(wanted).max()
@@ -68,7 +68,7 @@ def test_a_banded_system_is_solved_as_a_dense_one(name):
     rng = np.random.default_rng(0)
     with jax.enable_x64(True):
         system = jax.tree.map(jnp.asarray, problem.system)
-        bands = system.smooth_model(Point(*map(jnp.asarray, point))).bands
+        bands = system.smooth_model(Displaced(*map(jnp.asarray, point))).bands
         n = problem.slices
         stiff = rng.uniform(0, 10, n) * np.abs(bands[0]).max()  # so that it is definite
         linear = Linear(
@@ -90,7 +90,7 @@ def test_an_indefinite_matrix_is_told():
     rough = jaxclay.rough_shape(problem).point  # a jump of radius makes it so
     with jax.enable_x64(True):
         system = jax.tree.map(jnp.asarray, problem.system)
-        bands = system.smooth_model(Point(*map(jnp.asarray, rough))).bands
+        bands = system.smooth_model(Displaced(*map(jnp.asarray, rough))).bands
         none = jnp.zeros(problem.slices + 1)
         linear = Linear(jnp.zeros(problem.slices), none, none, system.free)
         dense = np.asarray(banded.dense(system.matrix(bands, linear)))
@@ -113,7 +113,7 @@ def test_the_program_of_a_solve_is_as_small_whatever_the_slices():
     for scheme, slices in (("paper", 64), ("slices", 64), ("slices", 300)):
         problem = pose(Clay.cylinder(), REFERENCE, SNAKE, scheme, slices=slices)
         rough = jaxclay.rough_shape(problem)
-        start = cold(problem, rough.point)
+        start = initial_guess(problem, rough.point)
         values = packed(problem.system, start, NewtonSettings(), rough.feasible)
         with jax.enable_x64(True):
             counts.add(equations(jax.make_jaxpr(program.traced)(values).jaxpr))

@@ -23,9 +23,9 @@ def test_dragging_ends_in_the_minima_of_cold_starts(path, material):
     for squash in PATHS[path]:
         problem = jaxclay.pose(CLAY, squash, material, "paper")
         previous = minimize(problem, start=previous).raise_for_status()
-        cold = minimize(problem)
-        assert previous.energy == pytest.approx(cold.energy, rel=1e-9)
-        assert np.abs(previous.heights - cold.heights).max() < 1e-6
+        anew = minimize(problem)
+        assert previous.energy == pytest.approx(anew.energy, rel=1e-9)
+        assert np.abs(previous.heights - anew.heights).max() < 1e-6
 
 
 def test_a_small_step_takes_fewer_iterations_than_a_cold_start():

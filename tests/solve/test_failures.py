@@ -10,7 +10,7 @@ from scenes import PRINTED, REFERENCE, SNAKE, cylinder_problem, gap, solved
 from jaxclay import Clay, Material, Squash, Status, deform, minimize, pose, rough_shape
 from jaxclay.experiments.atlas import single
 from jaxclay.experiments.atlas.sweeps import squash_by
-from jaxclay.methods.loop import cold, solve
+from jaxclay.methods.loop import initial_guess, solve
 from jaxclay.solve.minimize import conclude, method_settings
 
 BARE = Material(alpha=0.0, beta=0.0)
@@ -90,7 +90,9 @@ def test_newton_in_float32_is_refused_by_the_certificate():
     problem = cylinder_problem(REFERENCE, PRINTED)
     rough, settings = rough_shape(problem), method_settings("newton", {})
     with jax.enable_x64(False):
-        arguments = single.rounded((problem, cold(problem, rough.point), settings, rough.feasible))
+        arguments = single.rounded(
+            (problem, initial_guess(problem, rough.point), settings, rough.feasible)
+        )
         outcome = jax.tree.map(np.asarray, solve(*arguments, method="newton"))
     answer = conclude(problem, rough, single.widened(problem, outcome), "newton")
     assert answer.status in (Status.STALLED, Status.ITERATION_LIMIT)

@@ -67,7 +67,7 @@ def test_the_derivative_is_the_minimums_whatever_the_method():
 
 
 def test_slices_on_the_floor_stay_there():
-    """E_move alone, deep: the floor holds, and the closed form says how the rest follows."""
+    """E_move alone, deep: the lower bound holds, and the closed form says how the rest follows."""
     values = {"k": 1.0, "mu": 4.0, "alpha": 0.0, "beta": 0.0} | BOTTOM | {"radius": 0.3}
     clay = jaxclay.Clay.cylinder(slices=64)
     material = jaxclay.Material(mu=4.0, alpha=0.0, beta=0.0)

@@ -165,13 +165,13 @@ def test_converged_means_certified_and_no_lower_minimum_nearby(method, limit):
 def test_each_status_has_its_scene():
     reference = cylinder_problem(REFERENCE, SNAKE)
     huge = cylinder_problem(REFERENCE, Material(alpha=1e308))
-    tight = cylinder_problem(Squash(0, 0.99, 0.4, top_fixed=True), SNAKE)
+    crushed = cylinder_problem(Squash(0, 0.99, 0.4, top_fixed=True), SNAKE)
     found = {
         "converged": minimize(reference),
         "stalled": minimize(reference, "greedy"),
         "iteration limit": minimize(reference, max_iterations=2),
         "non-finite": minimize(huge),
-        "infeasible": minimize(tight),
+        "infeasible": minimize(crushed),
     }
     for name, solution in found.items():
         assert str(solution.status) == name
@@ -188,9 +188,9 @@ def test_each_status_has_its_scene():
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_reports_what_cannot_be_solved(method):
     huge = minimize(cylinder_problem(REFERENCE, Material(alpha=1e308)), method)
-    tight = cylinder_problem(Squash(0, 0.99, 0.4, top_fixed=True), SNAKE)
+    crushed = cylinder_problem(Squash(0, 0.99, 0.4, top_fixed=True), SNAKE)
     assert huge.status is Status.NON_FINITE
-    assert minimize(tight, method).status is Status.INFEASIBLE
+    assert minimize(crushed, method).status is Status.INFEASIBLE
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_the_start_does_not_change_the_minimum():
 
 @pytest.mark.parametrize("slices", [50, 100])
 def test_a_start_exactly_on_the_floor_is_allowed(slices):
-    """The floor has to be compared in float64: in float32 it lies above itself half the time."""
+    """The lower bound is compared in float64: in float32 it lies above itself half the time."""
     clay = jaxclay.Clay.cylinder(radius=0.5, height=1.3, slices=slices)
     for floor in (0.03, 0.05, 0.07, 0.11):
         material = jaxclay.Material(mu=4.0, alpha=0.0, beta=0.0, floor=floor)

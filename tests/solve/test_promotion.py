@@ -33,9 +33,9 @@ def test_host_calls(scheme):
 @pytest.mark.parametrize("method", ["lbfgsb", "greedy-refined", "lattice", "adam"])
 def test_methods_without_splines(method):
     problem = pose(Clay.cylinder(slices=24), MIDDLE, MATERIAL, "paper")
-    begin = jaxclay.total_energy(problem, jaxclay.rough_shape(problem).heights)
+    rough = jaxclay.total_energy(problem, jaxclay.rough_shape(problem).heights)
     least = minimize(problem).energy * (1 - 1e-9)
-    assert least <= minimize(problem, method).energy <= begin
+    assert least <= minimize(problem, method).energy <= rough
 
 
 def test_whole_squashes_of_a_profile():

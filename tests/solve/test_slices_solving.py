@@ -65,13 +65,13 @@ def test_a_small_enough_answer_is_the_same_by_deform():
 
 def test_each_status_has_its_scene():
     cylinder = Clay.cylinder()
-    tight = Squash(0, 0.99, 0.4, top_fixed=True)
+    crushed = Squash(0, 0.99, 0.4, top_fixed=True)
     found = {
         "converged": deform(cylinder, MIDDLE, SNAKE, slices=N),
         "stalled": minimize(pose(cylinder, MIDDLE, PRINTED, slices=N), "greedy"),
         "iteration limit": deform(cylinder, MIDDLE, SNAKE, slices=N, max_iterations=1),
         "non-finite": deform(cylinder, MIDDLE, Material(alpha=1e308), slices=N),
-        "infeasible": deform(cylinder, tight, SNAKE, slices=N),
+        "infeasible": deform(cylinder, crushed, SNAKE, slices=N),
     }
     cures = {
         "stalled": "another method|finer step",
@@ -149,11 +149,11 @@ def test_an_answer_close_by_as_a_start():
         first = minimize(posed(name))
         nudged = Squash(squash.bottom, squash.top + 1e-4, squash.radius - 1e-4)
         problem = pose(Clay.cylinder(), nudged, SNAKE, slices=counts, spacing="equal")
-        cold, warm = minimize(problem), minimize(problem, start=first)
-        assert warm.raise_for_status().iterations < cold.raise_for_status().iterations
-        np.testing.assert_allclose(warm.heights, cold.heights, rtol=0, atol=1e-7)
-        again = minimize(problem, start=cold.heights).raise_for_status()
-        np.testing.assert_allclose(again.heights, cold.heights, rtol=0, atol=1e-7)
+        anew, warm = minimize(problem), minimize(problem, start=first)
+        assert warm.raise_for_status().iterations < anew.raise_for_status().iterations
+        np.testing.assert_allclose(warm.heights, anew.heights, rtol=0, atol=1e-7)
+        again = minimize(problem, start=anew.heights).raise_for_status()
+        np.testing.assert_allclose(again.heights, anew.heights, rtol=0, atol=1e-7)
 
 
 def test_a_batch_of_posed_problems():

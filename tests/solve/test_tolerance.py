@@ -144,7 +144,7 @@ def test_a_batch_of_posed_problems_of_several_sizes_keeps_its_order():
 
 
 def test_a_large_batch_answers_as_single_calls_do():
-    """From rough shapes that are compiled too; one of them without room."""
+    """From rough shapes that are compiled too; one of them infeasible."""
     squashes = [Squash(0.0, 0.3, 0.35 + 0.002 * i) for i in range(70)]
     squashes[3] = Squash(0.0, 0.99, 0.4, top_fixed=True)
     problems = [jaxclay.pose(Clay.cylinder(), squash, SNAKE, slices=24) for squash in squashes]

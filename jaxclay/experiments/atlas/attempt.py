@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxclay.experiments.atlas import single
 from jaxclay.experiments.atlas.sweeps import SINGLE
-from jaxclay.methods.loop import Outcome, cold, solve
+from jaxclay.methods.loop import Outcome, initial_guess, solve
 from jaxclay.numerics.host import as_float64
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import RoughShape
@@ -87,7 +87,7 @@ def _double(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Ru
     settings = method_settings(method, {"max_iterations": limit})
     with jax.enable_x64(True):
         arguments = jax.device_put(
-            as_float64((problem, cold(problem, rough.point), settings, rough.feasible))
+            as_float64((problem, initial_guess(problem, rough.point), settings, rough.feasible))
         )
         seconds, outcome = _timed(arguments, method)
     return _Run(seconds, int(outcome.iterations), lambda: conclude(problem, rough, outcome, method))
@@ -96,7 +96,9 @@ def _double(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Ru
 def _single(problem: Problem, rough: RoughShape, method: str, limit: int) -> _Run:
     settings = method_settings(method, {"max_iterations": limit})
     with jax.enable_x64(False):
-        arguments = single.rounded((problem, cold(problem, rough.point), settings, rough.feasible))
+        arguments = single.rounded(
+            (problem, initial_guess(problem, rough.point), settings, rough.feasible)
+        )
         seconds, outcome = _timed(jax.device_put(arguments), method)
 
     def certified() -> Solution:

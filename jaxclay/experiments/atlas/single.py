@@ -15,7 +15,7 @@ from jaxclay.methods.loop import Outcome
 from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.base import Forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 from jaxclay.solve.certificate import Certificate, certify
 from jaxclay.solve.solution import Solution
 
@@ -47,7 +47,7 @@ def widened(problem: Problem, outcome: Outcome) -> Outcome:
     shift = np.where(problem.free, np.where(point.shift == 0, 0.0, shift), problem.shift)
     thickness = np.where(problem.banded, problem.band_thickness, rest.thickness + np.diff(shift))
     forces = jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), outcome.forces)
-    return outcome._replace(point=Point(thickness, shift), forces=forces)
+    return outcome._replace(point=Displaced(thickness, shift), forces=forces)
 
 
 class Rounding(NamedTuple):
@@ -85,10 +85,10 @@ def rounding_at(minimum: Solution) -> Rounding:
 
 
 @jax.jit
-def _derivative(problem: Problem, point: Point) -> tuple[Array, Array]:
+def _derivative(problem: Problem, point: Displaced) -> tuple[Array, Array]:
     return problem.terms(point).total, problem.system.gradient(point)
 
 
 @jax.jit
-def _certified(problem: Problem, point: Point, forces: Forces) -> Certificate:
+def _certified(problem: Problem, point: Displaced, forces: Forces) -> Certificate:
     return certify(problem.system, point, forces)

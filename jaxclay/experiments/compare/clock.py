@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.experiments.compare.peers import PEERS, prepare
-from jaxclay.methods.loop import cold, solve
+from jaxclay.methods.loop import initial_guess, solve
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash
 from jaxclay.numerics.host import as_float64
@@ -81,7 +81,7 @@ def _timed(
     with jax.enable_x64(True):
         chosen = method_settings(method, settings)
         arguments = jax.device_put(
-            as_float64((problem, cold(problem, rough.point), chosen, rough.feasible))
+            as_float64((problem, initial_guess(problem, rough.point), chosen, rough.feasible))
         )
 
     def once() -> tuple[float, Any]:

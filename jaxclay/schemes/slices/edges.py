@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from jaxclay.clay.clay import Clay, unchecked_clay
+from jaxclay.numerics.arrays import Array, Float
 from jaxclay.schemes.problem import Problem
 
 
-def with_edges(clay: Clay, problem: Problem, shift: np.ndarray) -> Clay:
+def with_edges(clay: Clay, problem: Problem, shift: Float[Array, "{clay.slices}+1"]) -> Clay:
     """The answer with old edges at its nodes, beside those of the band.
 
     They are the same where nothing around them moved (n+1,) ``shift``.  Without smoothing a jump
@@ -35,7 +36,7 @@ def with_edges(clay: Clay, problem: Problem, shift: np.ndarray) -> Clay:
     return unchecked_clay(clay.heights, clay.thickness, clay.r0, clay.unit, clay.material, edges)
 
 
-def with_jumps(clay: Clay, band: np.ndarray) -> Clay:
+def with_jumps(clay: Clay, band: Float[Array, "2"]) -> Clay:
     """A rough shape with both radii at the edges of its band (2,), nodes, where it has clay."""
     rows = []
     for u in band[(band > 0) & (band < 1)]:

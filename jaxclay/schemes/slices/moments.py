@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.numerics.arrays import Array, namespace, pick
+from jaxclay.numerics.arrays import Array, Float, Scalar, namespace, pick
 from jaxclay.numerics.interpolation import Interpolant
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -17,9 +17,9 @@ class Moments(NamedTuple):
     """Integrals of Y0_u^2, u Y0_u^2 and u^2 Y0_u^2 from 0 to the nodes, (3, n+1)."""
 
     rest: Interpolant
-    sums: Array
+    sums: Float[Array, "3 n+1"]
 
-    def upto(self, u: Array) -> Array:
+    def upto(self, u: Float[Array, "*at"] | Scalar) -> Float[Array, "3 *at"]:
         """(3, ...) the integrals from 0 to u."""
         i = self.rest.piece(u)
         return pick(self.sums, i) + _in_piece(pick(self.rest.table, i), u)

@@ -19,7 +19,7 @@ from jaxclay.model.band import Band, Rest, Tool, sides, tool_of
 from jaxclay.model.material import Material
 from jaxclay.model.side import solve_sides
 from jaxclay.model.squash import Squash
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Float, namespace
 from jaxclay.numerics.checks import check_whole
 from jaxclay.numerics.host import as_compiled, as_float64, is_concrete
 from jaxclay.numerics.interpolation import Interpolant
@@ -56,7 +56,7 @@ class Located(NamedTuple):
     tool: Tool
     material: Material
     band: Band
-    layers: Array
+    layers: Float[Array, "2"]
     under: BandTerms
 
 
@@ -97,7 +97,7 @@ def counted(slices: Any) -> tuple[int, tuple[int, int, int] | None]:
 
 
 @as_compiled()
-def problem_of(found: Located, nodes: Array) -> Problem:
+def problem_of(found: Located, nodes: Float[Array, "nodes"]) -> Problem:
     """The problem on nodes of which the band's edges are some."""
     clay, r0, band = found.clay, found.r0, found.band
     xp = namespace(found, nodes)

@@ -19,7 +19,7 @@ import numpy as np
 from jaxclay.model.band import Band, Tool
 from jaxclay.model.energy import Terms
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, namespace
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.sums import Sums
 
@@ -27,7 +27,7 @@ _PARTS = 4  # of a slice of the rest shape, between which displacements are take
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
-def sums_of(nodes: Array, held: Array) -> Sums:
+def sums_of(nodes: Float[Array, "nodes"], held: Bool[Array, "nodes"]) -> Sums:
     """The sums on nodes (n+1,), those of the band ``held``."""
     xp = namespace(nodes, held)
     width = nodes[1:] - nodes[:-1]
@@ -69,9 +69,9 @@ class BandTerms(NamedTuple):
     """
 
     terms: Terms
-    edges: Array
+    edges: Float[Array, "2"]
 
-    def with_half_cells(self, width: Array) -> Terms:
+    def with_half_cells(self, width: Float[Array, "2"]) -> Terms:
         """With friction of the first slices beside the tool, (2,) shares, 0 where there are none.
 
         Half of each counts at the edge.

@@ -12,7 +12,7 @@ from math import comb
 import jax.numpy as jnp
 import numpy as np
 
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Float, Scalar
 
 
 def _knots(degree: int, elements: int) -> np.ndarray:
@@ -21,7 +21,7 @@ def _knots(degree: int, elements: int) -> np.ndarray:
 
 
 @functools.cache
-def extraction(degree: int, elements: int) -> np.ndarray:
+def extraction(degree: int, elements: int) -> Float[Array, "S {degree}+1 {degree}+1"]:
     """(S, p+1, p+1) matrices from a span's coefficients to its Bernstein coefficients.
 
     De Boor and Cox's recurrence on polynomials in Bernstein form: from degree r-1 to r, basis
@@ -42,13 +42,15 @@ def extraction(degree: int, elements: int) -> np.ndarray:
     return np.tile(np.swapaxes(function, 1, 2), (2, 1, 1))
 
 
-def greville(degree: int, elements: int) -> np.ndarray:
+def greville(degree: int, elements: int) -> Float[Array, "{elements}+{degree}"]:
     """(m + p,) where on a side, from 0 to 1, its coefficients lie: means of their inner knots."""
     knots, count = _knots(degree, elements), elements + degree
     return np.mean([knots[r : r + count] for r in range(1, degree + 1)], axis=0) / elements
 
 
-def bernstein(degree: int, s: Array, order: int) -> Array:
+def bernstein(
+    degree: int, s: Float[Array, "*at"] | Scalar, order: int
+) -> Float[Array, "*at {degree}+1"]:
     """(..., p+1) derivatives of the given order of the Bernstein polynomials at s (...)."""
     low = degree - order
     s = jnp.asarray(s)[..., None]
@@ -68,7 +70,9 @@ def gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
     return (points + 1) / 2, weights / 2
 
 
-def basis(length: Array, degree: int, s: Array, orders: tuple[int, ...]) -> Array:
+def basis(
+    length: Float[Array, "S"], degree: int, s: Float[Array, "... g"], orders: tuple[int, ...]
+) -> Float[Array, "S g orders {degree}+1"]:
     """(S, g, len(orders), p+1) derivatives of the spans' basis at s, (g,) or (S, g), in [0, 1].
 
     ``length`` (S,) is that of the spans.
@@ -83,7 +87,7 @@ def basis(length: Array, degree: int, s: Array, orders: tuple[int, ...]) -> Arra
     return jnp.stack(sampled, axis=2)
 
 
-def local(coefficients: Array, degree: int) -> Array:
+def local(coefficients: Float[Array, "N"], degree: int) -> Float[Array, "S {degree}+1"]:
     """(S, p+1) the coefficients that each span sees."""
     c = coefficients.reshape(2, -1)
     count = c.shape[1] - degree
@@ -91,14 +95,16 @@ def local(coefficients: Array, degree: int) -> Array:
     return seen.reshape(-1, degree + 1)
 
 
-def gathered(entries: Array, degree: int) -> Array:
+def gathered(entries: Float[Array, "S {degree}+1"], degree: int) -> Float[Array, "N"]:
     """(N,) sums over the spans of entries (S, p+1): the transpose of :func:`local`."""
     e = entries.reshape(2, -1, degree + 1)
     summed = sum(jnp.pad(e[..., a], ((0, 0), (a, degree - a))) for a in range(degree + 1))
     return jnp.reshape(summed, -1)
 
 
-def gathered_bands(matrices: Array, degree: int) -> Array:
+def gathered_bands(
+    matrices: Float[Array, "S {degree}+1 {degree}+1"], degree: int
+) -> Float[Array, "{degree}+1 N"]:
     """(p+1, N) bands of the sum of the spans' symmetric matrices (S, p+1, p+1)."""
     p, wide = degree, jnp.pad(matrices, ((0, 0), (0, 0), (0, degree)))
     # Row a of what follows holds the entries (a, a + k) of the spans' matrices.

@@ -8,10 +8,10 @@ from __future__ import annotations
 import jax.numpy as jnp
 
 from jaxclay.model.band import Band
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Float
 
 
-def spans(band: Band, elements: int) -> tuple[Array, Array]:
+def spans(band: Band, elements: int) -> tuple[Float[Array, "S"], Float[Array, "S"]]:
     """(S,) lower ends in u and lengths of as many spans below the band as above it."""
     start = jnp.stack([jnp.zeros(()), band.upper])
     length = jnp.stack([band.lower, 1 - band.upper]) / elements
@@ -20,8 +20,8 @@ def spans(band: Band, elements: int) -> tuple[Array, Array]:
 
 
 def conditions(
-    length: Array, degree: int, count: Array, below: tuple, above: tuple, held: Array
-) -> tuple[Array, Array]:
+    length: Float[Array, "S"], degree: int, count: Array, below: tuple, above: tuple, held: Array
+) -> tuple[Bool[Array, "N"], Float[Array, "N"]]:
     """Which coefficients are prescribed, (N,) bool, and the values of those.
 
     ``below`` and ``above`` are (w, w_u, w_uu) at the band's edges, of which the first

@@ -15,14 +15,14 @@ from jaxclay.model.band import Band, Tool
 from jaxclay.model.energy import Terms, integrate, integrate_smooth
 from jaxclay.model.material import Material
 from jaxclay.numerics import banded
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar
 from jaxclay.numerics.banded import Factor, Model
 from jaxclay.numerics.host import pytree
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import RoughShape
 from jaxclay.schemes.spline import bspline
-from jaxclay.schemes.spline.space import Point, Space, gauss_newton, sample, seeds
+from jaxclay.schemes.spline.space import Displaced, Space, gauss_newton, sample, seeds
 
 
 @pytree
@@ -53,9 +53,9 @@ class SplineProblem:
     sliced: Problem
     rest: Interpolant
     space: Space
-    fixed: Array
-    shift: Array
-    slopes: Array
+    fixed: Bool[Array, "N"]
+    shift: Float[Array, "N"]
+    slopes: Float[Array, "points 3"]
     band_terms: Terms
     rough: RoughShape
 
@@ -90,12 +90,12 @@ class SplineProblem:
         return self.sliced.band
 
     @property
-    def r0(self) -> Array:
+    def r0(self) -> Scalar:
         """sqrt(volume / pi), over l^(3/2)."""
         return self.sliced.rest.r0
 
     @property
-    def free(self) -> Array:
+    def free(self) -> Bool[Array, "..."]:
         """(N,) coefficients that the minimiser moves."""
         return ~self.fixed
 
@@ -108,90 +108,94 @@ class SplineProblem:
         return np.shape(self.shift)
 
     @property
-    def unknowns(self) -> Array:
+    def unknowns(self) -> Int[Array, ""]:
         """How many."""
         return self.free.sum()
 
     @property
-    def loose(self) -> Array:
+    def loose(self) -> Bool[Array, "points"]:
         """(S * 4,) Gauss points in spans that have a length."""
         return self.space.weight > 0
 
     @property
-    def rest_thickness(self) -> Array:
+    def rest_thickness(self) -> Float[Array, "points"]:
         """(S * 4,) Y0_u."""
         return self.slopes[:, 0]
 
     @property
-    def floor(self) -> Array:
-        """(S * 4,) least Y_u, 0 in spans without length."""
+    def floor(self) -> Float[Array, "points"]:
+        """(S * 4,) lower bound of Y_u, 0 in spans without length."""
         return jnp.where(self.loose, self.material.floor * self.rest_thickness, 0.0)
 
     @property
-    def friction_limit(self) -> Array:
+    def friction_limit(self) -> Float[Array, "{self.space.spans}*6"]:
         """(S * 6,) weight times mu: the most that friction can hold."""
         return self.space.friction_weight * self.material.mu
 
-    def point(self, coefficients: Array) -> Point:
-        """The shape of coefficients (N,)."""
+    def point(self, coefficients: Float[Array, "N"]) -> Displaced:
+        """Coefficients (N,) as a displaced shape."""
         slopes = self.slopes + self.space.slopes_of(coefficients)
-        return Point(coefficients, self.space.values_of(coefficients), slopes)
+        return Displaced(coefficients, self.space.values_of(coefficients), slopes)
 
-    def moved(self, point: Point, step: Array) -> Point:
+    def moved(self, point: Displaced, step: Float[Array, "N"]) -> Displaced:
         """The point after the coefficients have changed by ``step``, (N,)."""
         change = self.space.values_of(step), self.space.slopes_of(step)
-        return Point(point.coefficients + step, point.shift + change[0], point.slopes + change[1])
+        return Displaced(
+            point.coefficients + step, point.shift + change[0], point.slopes + change[1]
+        )
 
     @property
-    def friction_total(self) -> Array:
+    def friction_total(self) -> Float[Array, ""]:
         """The sum of ``friction_limit``, or hardly anything."""
         return jnp.maximum(jnp.sum(self.friction_limit), 1e-300)
 
     @property
-    def k(self) -> Array:
+    def k(self) -> Scalar:
         """The material's."""
         return self.material.k
 
-    def kinks(self, point: Point, eps: Array, weight: Array) -> Array:
-        """Energy of friction smoothed by eps, and of the floor's barrier."""
+    def kinks(
+        self, point: Displaced, eps: Scalar, weight: Float[Array, "{self.space.spans}*4"]
+    ) -> Float[Array, ""]:
+        """Energy of friction smoothed by eps, and of the lower bound's barrier."""
         smoothed = self.friction_limit * jnp.sqrt(point.shift**2 + eps**2)
         return jnp.sum(smoothed) - jnp.sum(weight * jnp.log(self.slack(point)))
 
-    def slack(self, point: Point) -> Array:
-        """(S * 4,) Y_u above the floor."""
+    def slack(self, point: Displaced) -> Float[Array, "{self.space.spans}*4"]:
+        """(S * 4,) Y_u above the lower bound."""
         return jnp.where(self.loose, point.thickness - self.floor, 1.0)
 
-    def shift_change(self, step: Array) -> Array:
+    def shift_change(self, step: Float[Array, "N"]) -> Float[Array, "{self.space.spans}*6"]:
         """(S * 6,) by how much a step changes the displacements."""
         return self.space.values_of(step)
 
-    def thickness_change(self, step: Array) -> Array:
+    def thickness_change(self, step: Float[Array, "N"]) -> Float[Array, "{self.space.spans}*4"]:
         """(S * 4,) by how much a step changes Y_u."""
         return self.space.slopes_of(step)[:, 0]
 
-    def from_shift(self, forces: Array) -> Array:
+    def from_shift(self, forces: Float[Array, "{self.space.spans}*6"]) -> Float[Array, "N"]:
         """(N,) what forces (S * 6,) on the displacements do to the free coefficients."""
         return jnp.where(self.free, self.space.from_values(forces), 0.0)
 
-    def from_thickness(self, forces: Array) -> Array:
+    def from_thickness(self, forces: Float[Array, "{self.space.spans}*4"]) -> Float[Array, "N"]:
         """(N,) what forces (S * 4,) on Y_u do to the free coefficients."""
         on_slopes = jnp.pad(forces[:, None], ((0, 0), (0, 2)))
         return jnp.where(self.free, self.space.from_slopes(on_slopes), 0.0)
 
-    def total(self, friction: Array, floor: Array) -> Array:
+    def total(self, friction: Float[Array, "m"], floor: Float[Array, "s"]) -> Float[Array, ""]:
         """The sum of energies at the points of friction and at the Gauss points."""
         return jnp.sum(friction) + jnp.sum(floor)
 
-    def free_smooth(self, point: Point) -> Array:
+    def free_smooth(self, point: Displaced) -> Float[Array, ""]:
         """E_free without friction."""
         return integrate_smooth(self._samples(point.slopes), self.material)
 
-    def free_terms(self, point: Point) -> Terms:
+    def free_terms(self, point: Displaced) -> Terms:
         """E_free's four terms."""
         terms = integrate(self._samples(point.slopes), self.material)
         return terms._replace(friction=jnp.sum(self.friction_limit * jnp.abs(point.shift)))
 
-    def terms(self, point: Point) -> Terms:
+    def terms(self, point: Displaced) -> Terms:
         """The energy's four terms, the band's included."""
         return jax.tree.map(jnp.add, self.free_terms(point), self.band_terms)
 
@@ -199,7 +203,7 @@ class SplineProblem:
         weight = self.space.weight
         return sample(weight, self.rest_thickness, self.r0, slopes)
 
-    def smooth_model(self, point: Point) -> Model:
+    def smooth_model(self, point: Displaced) -> Model:
         """Value and gradient of E_free without friction; its Hessian by the slopes, (S*4, 3, 3)."""
 
         def energy(slopes):
@@ -213,14 +217,14 @@ class SplineProblem:
 
     def stiffness(
         self,
-        point: Point,
-        matrix: Array,
-        floor: Array,
-        friction: Array,
-        shift: Array | None = None,
-        gauss: Array | None = None,
+        point: Displaced,
+        matrix: Float[Array, "s 3 3"],
+        floor: Float[Array, "s"],
+        friction: Float[Array, "m"],
+        shift: Scalar | None = None,
+        gauss: Scalar | None = None,
     ) -> Factor:
-        """A Hessian's factor with the curvatures of floor and friction added.
+        """A Hessian's factor with the curvatures of lower bound and friction added.
 
         Where ``gauss``, that of Gauss and Newton; ``shift`` times its largest entry is
         added everywhere.
@@ -235,21 +239,23 @@ class SplineProblem:
             bands = bands.at[0].add(jnp.where(self.free, shift * jnp.max(bands[0]), 0.0))
         return banded.factorize(bands)
 
-    def solved(self, stiff: Factor, force: Array) -> Array:
+    def solved(self, stiff: Factor, force: Float[Array, "N"]) -> Float[Array, "N"]:
         """(N,) H^-1 force."""
         return banded.solve(stiff, force)
 
-    def newton_step(self, point: Point, matrix: Array, pull: Any) -> tuple[Array, Array]:
+    def newton_step(
+        self, point: Displaced, matrix: Float[Array, "s 3 3"], pull: Any
+    ) -> tuple[Float[Array, "N"], Bool[Array, ""]]:
         """(N,) H^-1 force; whether H is positive definite."""
         gauss = pull.gauss > 0
         stiff = self.stiffness(point, matrix, pull.floor, pull.friction, pull.shift, gauss)
         return self.solved(stiff, pull.force), stiff.positive
 
-    def evened(self, point: Point, fraction: Array) -> Point:
+    def evened(self, point: Displaced, fraction: Scalar) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band squeezed evenly."""
         return self.moved(point, fraction * (self.even() - point.coefficients))
 
-    def even(self) -> Array:
+    def even(self) -> Float[Array, "N"]:
         """(N,) coefficients of a squeeze in proportion: of all clay up to an end that is held.
 
         Clay up to a free end is moved as one.
@@ -268,14 +274,14 @@ class SplineProblem:
         squeezed = jnp.concatenate([below, above])
         return jnp.where(self.fixed, self.shift, squeezed)
 
-    def put_to_rest(self, point: Point, rests: Array) -> Point:
+    def put_to_rest(self, point: Displaced, rests: Bool[Array, "m"]) -> Displaced:
         """The point without the coefficients in whose support all clay rests."""
         spans, width = self.space.spans, self.space.degree + 1
         moves = (~rests & (self.space.friction_weight > 0)).reshape(spans, -1).any(axis=1)
         entries = jnp.broadcast_to(moves[:, None], (spans, width)).astype(point.shift.dtype)
-        home = self.free & (bspline.gathered(entries, self.space.degree) == 0)
-        return self.moved(point, jnp.where(home, -point.coefficients, 0.0))
+        resting = self.free & (bspline.gathered(entries, self.space.degree) == 0)
+        return self.moved(point, jnp.where(resting, -point.coefficients, 0.0))
 
-    def room(self) -> tuple[Array, Array]:
+    def room(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Length that a held upper end leaves above the band, and the least that the clay needs."""
         return self.sliced.room()

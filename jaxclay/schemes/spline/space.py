@@ -19,7 +19,7 @@ import jax.numpy as jnp
 
 from jaxclay.model.energy import Samples, everywhere
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.arrays import Array, Float, Scalar
 from jaxclay.schemes.spline import bspline
 
 GAUSS = 4  # points a span
@@ -27,8 +27,8 @@ _FRICTION = 3  # points in each of a span's two cells
 _CUTS = 40  # of a span, for the place where w changes its sign
 
 
-class Point(NamedTuple):
-    """A shape, lengths over the unit l.
+class Displaced(NamedTuple):
+    """A displaced shape, lengths over the unit l: the point that a minimiser is at.
 
     Attributes
     ----------
@@ -40,12 +40,12 @@ class Point(NamedTuple):
         Y_u, Y_uu and Y_uuu at the Gauss points.
     """
 
-    coefficients: Array
-    shift: Array
-    slopes: Array
+    coefficients: Float[Array, "N"]
+    shift: Float[Array, "S*6"]
+    slopes: Float[Array, "S*4 3"]
 
     @property
-    def thickness(self) -> Array:
+    def thickness(self) -> Float[Array, "points"]:
         """(S * 4,) Y_u, the thickness of a slice over its share of the clay."""
         return self.slopes[:, 0]
 
@@ -66,12 +66,12 @@ class Space(NamedTuple):
         Zero in spans without length.
     """
 
-    left: Array
-    length: Array
-    slopes: Array
-    values: Array
-    weight: Array
-    friction_weight: Array
+    left: Float[Array, "S"]
+    length: Float[Array, "S"]
+    slopes: Float[Array, "S 4 3 p+1"]
+    values: Float[Array, "S 6 p+1"]
+    weight: Float[Array, "S*4"]
+    friction_weight: Float[Array, "S*6"]
 
     @property
     def degree(self) -> int:
@@ -83,17 +83,17 @@ class Space(NamedTuple):
         """S, those without length included."""
         return self.slopes.shape[0]
 
-    def slopes_of(self, coefficients: Array) -> Array:
+    def slopes_of(self, coefficients: Float[Array, "N"]) -> Float[Array, "{self.spans}*4 3"]:
         """(S * 4, 3) w_u, w_uu and w_uuu at the Gauss points."""
         local = bspline.local(coefficients, self.degree)
         return jnp.einsum("sgoa,sa->sgo", self.slopes, local).reshape(-1, 3)
 
-    def values_of(self, coefficients: Array) -> Array:
+    def values_of(self, coefficients: Float[Array, "N"]) -> Float[Array, "{self.spans}*6"]:
         """(S * 6,) w at the points of friction."""
         local = bspline.local(coefficients, self.degree)
         return jnp.einsum("sga,sa->sg", self.values, local).reshape(-1)
 
-    def at(self, coefficients: Array, u: Array) -> Array:
+    def at(self, coefficients: Float[Array, "N"], u: Float[Array, "m"]) -> Float[Array, "m"]:
         """(m,) w at material coordinates (m,) outside the band."""
         span = jnp.searchsorted(self.left, u, side="right") - 1
         s = (u - self.left[span]) / jnp.where(self.length > 0, self.length, 1.0)[span]
@@ -105,7 +105,7 @@ class Space(NamedTuple):
         extraction = bspline.extraction(self.degree, self.spans // 2)
         return jnp.einsum("sja,sa->sj", extraction, bspline.local(coefficients, self.degree))
 
-    def crossings(self, coefficients: Array) -> Array:
+    def crossings(self, coefficients: Float[Array, "N"]) -> Float[Array, "{self.spans}"]:
         """(S,) where in each span, from 0 to 1, w changes its sign; one half where it does not."""
         control = self._control(coefficients)
         turns = (control[:, 0] * control[:, -1] < 0) & (self.length > 0)
@@ -121,17 +121,19 @@ class Space(NamedTuple):
         low, high = jax.lax.fori_loop(0, _CUTS, cut, (none, none + 1))
         return jnp.where(turns, jnp.clip((low + high) / 2, 0.02, 0.98), 0.5)
 
-    def from_slopes(self, forces: Array) -> Array:
+    def from_slopes(self, forces: Float[Array, "{self.spans}*4 3"]) -> Float[Array, "N"]:
         """(N,) what forces (S * 4, 3) on the slopes do to the coefficients."""
         forces = forces.reshape(self.spans, GAUSS, 3)
         return bspline.gathered(jnp.einsum("sgoa,sgo->sa", self.slopes, forces), self.degree)
 
-    def from_values(self, forces: Array) -> Array:
+    def from_values(self, forces: Float[Array, "{self.spans}*6"]) -> Float[Array, "N"]:
         """(N,) what forces (S * 6,) on the values do to the coefficients."""
         forces = forces.reshape(self.spans, -1)
         return bspline.gathered(jnp.einsum("sga,sg->sa", self.values, forces), self.degree)
 
-    def stiffness(self, slopes: Array, values: Array) -> Array:
+    def stiffness(
+        self, slopes: Float[Array, "{self.spans}*4 3 3"], values: Float[Array, "{self.spans}*6"]
+    ) -> Float[Array, "{self.degree}+1 N"]:
         """(p+1, N) bands of a Hessian, from (S*4, 3, 3) by the slopes and (S*6,) by the values."""
         by_slopes = slopes.reshape(self.spans, GAUSS, 3, 3)
         by_values = values.reshape(self.spans, -1)
@@ -141,7 +143,9 @@ class Space(NamedTuple):
         return bspline.gathered_bands(matrices, self.degree)
 
 
-def space(left: Array, length: Array, degree: int, breaks: Array) -> Space:
+def space(
+    left: Float[Array, "S"], length: Float[Array, "S"], degree: int, breaks: Float[Array, "S"]
+) -> Space:
     """The splines on these spans; friction's cells meet at ``breaks`` (S,), 0 to 1 in each."""
     s, weight = bspline.gauss_points(GAUSS)
     f, friction_weight = bspline.gauss_points(_FRICTION)
@@ -158,7 +162,12 @@ def space(left: Array, length: Array, degree: int, breaks: Array) -> Space:
     )
 
 
-def sample(weight: Array, rest_slope: Array, r0: Array, slopes: Array) -> Samples:
+def sample(
+    weight: Float[Array, "m"],
+    rest_slope: Float[Array, "m"],
+    r0: Scalar,
+    slopes: Float[Array, "m 3"],
+) -> Samples:
     """Samples of the contour from Y_u, Y_uu, Y_uuu (m, 3), without friction."""
     Y_u, Y_uu, Y_uuu = slopes[:, 0], slopes[:, 1], slopes[:, 2]
     root = jax.lax.rsqrt(Y_u)
@@ -168,12 +177,18 @@ def sample(weight: Array, rest_slope: Array, r0: Array, slopes: Array) -> Sample
     return Samples(Y_u / rest_slope, jnp.zeros_like(Y_u), Y_u, X_u, Y_uu, X_uu, everywhere(weight))
 
 
-def seeds(slopes: Array) -> list[Array]:
+def seeds(slopes: Float[Array, "m 3"]) -> list[Float[Array, "m 3"]]:
     """The three unit changes of every point's slopes."""
     return [jnp.zeros_like(slopes).at[:, i].set(1.0) for i in range(3)]
 
 
-def gauss_newton(weight: Array, rest_slope: Array, r0: Array, slopes: Array, m: Material) -> Array:
+def gauss_newton(
+    weight: Float[Array, "m"],
+    rest_slope: Float[Array, "m"],
+    r0: Scalar,
+    slopes: Float[Array, "m 3"],
+    m: Material,
+) -> Float[Array, "m 3 3"]:
     """(m, 3, 3) the energy's Hessian by the slopes without the radius' second derivatives."""
 
     def quantities(slopes):

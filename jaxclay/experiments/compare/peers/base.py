@@ -10,7 +10,7 @@ import numpy as np
 from jaxclay.methods.loop import Outcome
 from jaxclay.schemes.base import Forces
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 SECONDS = 2.0  # most that a solve may take where the solver can be told
 NEAR = 1e-3  # over the unit l: how far from its bounds an interior-point solve starts
@@ -57,7 +57,7 @@ class Peer(NamedTuple):
     """
 
     packages: tuple[str, ...]
-    setup: Callable[[Problem, Point, Limits], Task]
+    setup: Callable[[Problem, Displaced, Limits], Task]
     limits: Limits
     summary: str
     move_only: bool = False
@@ -65,7 +65,7 @@ class Peer(NamedTuple):
 
 def outcome(thickness, shift, iterations: int, finished: bool) -> Outcome:
     """The point that a solver ended at; the certificate reads the forces off it."""
-    point = Point(np.array(thickness, float), np.array(shift, float))
+    point = Displaced(np.array(thickness, float), np.array(shift, float))
     forces = Forces(np.zeros_like(point.shift), np.zeros_like(point.thickness))
     finite = np.isfinite(point.thickness).all() and np.isfinite(point.shift).all()
     return Outcome(point, forces, *map(np.asarray, (iterations, finished, finite)))

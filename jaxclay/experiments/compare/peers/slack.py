@@ -18,7 +18,7 @@ import numpy as np
 from jaxclay.experiments.compare.peers.base import outcome
 from jaxclay.methods.loop import Outcome
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -38,7 +38,7 @@ class SlackForm(NamedTuple):
         One for each x: the floor, then zeros.
     friction : array
         One for each x: zeros, then n times the limits of friction.
-    base : Point
+    base : Displaced
         The thicknesses and displacements that are not unknown, in their places.
     """
 
@@ -48,7 +48,7 @@ class SlackForm(NamedTuple):
     target: np.ndarray
     lower: np.ndarray
     friction: np.ndarray
-    base: Point
+    base: Displaced
 
     @property
     def thicknesses(self) -> int:
@@ -75,13 +75,13 @@ class SlackForm(NamedTuple):
         return outcome(self.thickness(x), shift, iterations, finished)
 
 
-def slack_form(problem: Problem, start: Point) -> SlackForm:
+def slack_form(problem: Problem, start: Displaced) -> SlackForm:
     """The problem's constraints; ``start`` gives what is fixed, and where to begin."""
     from scipy import sparse
 
     n, rest = problem.slices, np.asarray(problem.rest.thickness)
     free, loose = np.asarray(problem.free), np.asarray(problem.loose)
-    base = Point(np.array(start.thickness), np.array(start.shift))
+    base = Displaced(np.array(start.thickness), np.array(start.shift))
     differences = sparse.csr_array(np.diff(np.eye(n + 1), axis=0))
     moves = sparse.csc_array(differences[loose][:, free])
     fixed = np.where(free, 0.0, base.shift)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 LADDER = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)
 _PENALTY = 1e2  # over k, at eps = 1; grows as eps falls
@@ -39,12 +39,12 @@ def unknown(problem: Problem) -> Array:
     return problem.loose & ~_sides(problem)[1]
 
 
-def stretches(problem: Problem, point: Point) -> Array:
+def stretches(problem: Problem, point: Displaced) -> Array:
     """(n,) t_i / t0_i."""
     return point.thickness / problem.rest.thickness
 
 
-def _at(problem: Problem, start: Point, x: Array) -> Point:
+def _at(problem: Problem, start: Displaced, x: Array) -> Displaced:
     """The point whose unknown stretches are x, (n,); the other entries are not looked at."""
     sides, takers = _sides(problem)
     wanted = x * problem.rest.thickness - start.thickness
@@ -52,16 +52,16 @@ def _at(problem: Problem, start: Point, x: Array) -> Point:
     for side in sides:
         change -= jnp.where(takers & side, jnp.sum(jnp.where(side, change, 0.0)), 0.0)
     moved = jnp.concatenate([jnp.zeros(1), jnp.cumsum(change)])
-    return Point(start.thickness + change, start.shift + jnp.where(problem.free, moved, 0.0))
+    return Displaced(start.thickness + change, start.shift + jnp.where(problem.free, moved, 0.0))
 
 
-def objective(problem: Problem, start: Point, x: Array, eps: Array) -> Array:
+def objective(problem: Problem, start: Displaced, x: Array, eps: Array) -> Array:
     """n E_free at the stretches x, with friction smoothed and a penalty below the floor."""
     point = _at(problem, start, x)
     floor, rest = problem.floor, problem.rest.thickness
     below = jnp.maximum(floor - point.thickness, 0.0) / rest
     # Half the floor is far outside, but the radius is still finite there.
-    kept = Point(jnp.maximum(point.thickness, floor / 2), point.shift)
+    kept = Displaced(jnp.maximum(point.thickness, floor / 2), point.shift)
     smoothed = jnp.sqrt(point.shift**2 + eps**2) - eps
     steep = _PENALTY / jnp.sqrt(eps) * problem.material.k
     penalty = steep / 2 * jnp.sum(problem.sums.width * below**2)
@@ -70,6 +70,6 @@ def objective(problem: Problem, start: Point, x: Array, eps: Array) -> Array:
 
 
 @jax.jit
-def point_of(problem: Problem, start: Point, x: Array) -> Point:
+def point_of(problem: Problem, start: Displaced, x: Array) -> Displaced:
     """The point at the stretches x, on or above the floor."""
     return lifted(problem, _at(problem, start, x))

@@ -16,7 +16,7 @@ import numpy as np
 from jaxclay.experiments.compare.peers.base import NEAR, SECONDS, Limits, Peer, Task
 from jaxclay.experiments.compare.peers.slack import slack_form
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point, Sums
+from jaxclay.schemes.sums import Displaced, Sums
 
 _LIMITS_REACHED = (
     "Maximum_Iterations_Exceeded",
@@ -36,7 +36,7 @@ _OPTIONS = {
 }
 
 
-def _setup(problem: Problem, start: Point, limits: Limits) -> Task:
+def _setup(problem: Problem, start: Displaced, limits: Limits) -> Task:
     form, material = slack_form(problem, start), problem.material
     solver = _solver(problem.slices, form.free.tobytes(), form.loose.tobytes(), limits)
     numbers = (

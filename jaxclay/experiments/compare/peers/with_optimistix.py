@@ -16,10 +16,10 @@ from jaxclay.experiments.compare.peers import stretches
 from jaxclay.experiments.compare.peers.base import Limits, Peer, Task, outcome
 from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 
-def _setup(problem: Problem, start: Point, limits: Limits) -> Task:
+def _setup(problem: Problem, start: Displaced, limits: Limits) -> Task:
     arguments = jax.device_put((problem, start, limits.tolerance, limits.max_iterations))
     compiled = _solve.lower(*arguments).compile()
 
@@ -34,7 +34,7 @@ def _setup(problem: Problem, start: Point, limits: Limits) -> Task:
 
 
 @jax.jit
-def _solve(problem: Problem, start: Point, tolerance: Array, limit: Array):
+def _solve(problem: Problem, start: Displaced, tolerance: Array, limit: Array):
     """The point, the iterations and whether the last stage ended by its own rule."""
 
     def stage(carry, eps):

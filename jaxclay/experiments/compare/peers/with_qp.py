@@ -14,7 +14,7 @@ import numpy as np
 from jaxclay.experiments.compare.peers.base import SECONDS, Limits, Peer, Task
 from jaxclay.experiments.compare.peers.slack import SlackForm, slack_form
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 
 def _quadratic(problem: Problem, form: SlackForm) -> tuple[Any, np.ndarray]:
@@ -33,7 +33,7 @@ def _quadratic(problem: Problem, form: SlackForm) -> tuple[Any, np.ndarray]:
     return sparse.csc_array(sparse.diags_array(diagonal)), c
 
 
-def _setup_clarabel(problem: Problem, start: Point, limits: Limits) -> Task:
+def _setup_clarabel(problem: Problem, start: Displaced, limits: Limits) -> Task:
     from scipy import sparse
 
     clarabel: Any = importlib.import_module("clarabel")  # compiled, without types
@@ -59,7 +59,7 @@ def _setup_clarabel(problem: Problem, start: Point, limits: Limits) -> Task:
     return Task(solver.solve, read)
 
 
-def _setup_piqp(problem: Problem, start: Point, limits: Limits) -> Task:
+def _setup_piqp(problem: Problem, start: Displaced, limits: Limits) -> Task:
     import piqp
 
     form = slack_form(problem, start)

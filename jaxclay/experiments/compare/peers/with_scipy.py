@@ -22,7 +22,7 @@ from jaxclay.experiments.compare.peers.base import SECONDS, Limits, Peer, Task, 
 from jaxclay.experiments.compare.peers.slack import slack_form
 from jaxclay.numerics.arrays import Array
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.sums import Point
+from jaxclay.schemes.sums import Displaced
 
 _MEMORY = 50  # pairs that L-BFGS-B keeps
 _BAND = 2  # half-bandwidth of the Hessian in the thicknesses
@@ -30,7 +30,7 @@ _LAST_BARRIER = 1e-12
 _AWAY = 1e-2  # over the unit l: where trust-constr starts its slacks
 
 
-def _setup_lbfgsb(problem: Problem, start: Point, limits: Limits) -> Task:
+def _setup_lbfgsb(problem: Problem, start: Displaced, limits: Limits) -> Task:
     from scipy import optimize
 
     first = np.asarray(stretches.stretches(problem, start))
@@ -74,7 +74,7 @@ def _setup_lbfgsb(problem: Problem, start: Point, limits: Limits) -> Task:
     return Task(solve, read)
 
 
-def _setup_trust_constr(problem: Problem, start: Point, limits: Limits) -> Task:
+def _setup_trust_constr(problem: Problem, start: Displaced, limits: Limits) -> Task:
     from scipy import optimize, sparse
 
     form = slack_form(problem, start)
@@ -140,19 +140,19 @@ class _Watch:
 
 
 @jax.jit
-def _smoothed(problem: Problem, start: Point, x: Array, eps: Array):
+def _smoothed(problem: Problem, start: Displaced, x: Array, eps: Array):
     return jax.value_and_grad(stretches.objective, argnums=2)(problem, start, x, eps)
 
 
-def _energy(problem: Problem, start: Point, thickness: Array) -> Array:
-    return problem.slices * problem.free_smooth(Point(thickness, start.shift))
+def _energy(problem: Problem, start: Displaced, thickness: Array) -> Array:
+    return problem.slices * problem.free_smooth(Displaced(thickness, start.shift))
 
 
 _smooth = jax.jit(jax.value_and_grad(_energy, argnums=2))
 
 
 @jax.jit
-def _bands(problem: Problem, start: Point, thickness: Array) -> Array:
+def _bands(problem: Problem, start: Displaced, thickness: Array) -> Array:
     """(5, n) diagonals of the Hessian, SciPy's way: entry j of a diagonal is in column j."""
     n, colours = problem.slices, 2 * _BAND + 1
 
