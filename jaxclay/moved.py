@@ -38,7 +38,7 @@ MODULES = {
     "scalar_search": "numerics.roots",
     "schemes.slices.ladder": "solve.carried",
     "schemes.slices.refining": "solve.refining",
-    "schemes.spline.judge": "solve.spline_certificate",
+    "schemes.spline.judge": "solve.certificate",
     "schemes.spline.sensitivity": "solve.spline_derivative",
     "schemes.spline.solve": "solve.on_spans",
     "scm": "schemes.rough",

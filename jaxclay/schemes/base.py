@@ -16,6 +16,7 @@ AnyDisplaced = Any  # a displaced shape as a scheme holds it: a point, for a min
 
 DECREMENT = 1e-10  # accepted, relative to max(E_free, SMALL)
 SMALL = 1e-3
+CONSISTENT = 1e-12  # over the unit l: rounding of an answer's parts
 
 
 class Forces(NamedTuple):
@@ -109,6 +110,11 @@ class Newtonian(Minimisable, Protocol):
         ...
 
     @property
+    def mu(self) -> Scalar:
+        """The material's friction."""
+        ...
+
+    @property
     def friction_total(self) -> Float[Array, ""]:
         """Sum of ``friction_limit``, above 0."""
         ...
@@ -141,6 +147,14 @@ class Newtonian(Minimisable, Protocol):
         self, point: Any, bands: Any, pull: Pull, /
     ) -> tuple[Float[Array, "N"], Bool[Array, ""]]:
         """(N,) H^-1 force, and whether H is positive definite where unknowns are free."""
+        ...
+
+    def own_stiffness(self, bands: Any, /) -> tuple[Float[Array, "m"], Float[Array, "s"]]:
+        """(m,) and (s,) curvatures at the places of friction and of thickness, about."""
+        ...
+
+    def admissible(self, point: Any, /) -> Bool[Array, ""]:
+        """Whether the shape keeps above the lower bound, in step with itself and to the tool."""
         ...
 
 

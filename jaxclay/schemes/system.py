@@ -22,7 +22,7 @@ import numpy as np
 from jaxclay.numerics import banded
 from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, namespace
 from jaxclay.numerics.banded import Model
-from jaxclay.schemes.base import Pull
+from jaxclay.schemes.base import CONSISTENT, Pull
 from jaxclay.schemes.sums import Displaced
 
 
@@ -208,6 +208,15 @@ class System(NamedTuple):
         spread = pull.friction + 4 * pull.shift * jnp.max(bands[0])
         return Linear(between, spread, pull.force, self.free)
 
+    def own_stiffness(self, bands: Any) -> tuple[Float[Array, "nodes"], Float[Array, "nodes-1"]]:
+        """(n+1,) and (n,) the Hessian's diagonals by heights and thicknesses, about.
+
+        Gauss and Newton's where the whole is less, so that they are positive.
+        """
+        first, *_, bend = bands
+        by_thickness = jnp.maximum(first, first - bend)
+        return _to_nodes(by_thickness, 1), by_thickness
+
     def solve(self, bands: Any, linear: Linear) -> tuple[Float[Array, "nodes"], Bool[Array, ""]]:
         """(n+1,) H^-1 force on the nodes to keep, and whether H is positive definite there.
 
@@ -229,6 +238,17 @@ class System(NamedTuple):
         pivot = pivot * keep[-1] + (1 - keep[-1])
         positive = (jnp.min(factor.pivots[:-1]) > 0) & (pivot > 0)
         return held + follow * (forward[-1] / pivot), positive
+
+    def admissible(self, point: Displaced) -> Bool[Array, ""]:
+        """Whether the shape keeps above the lower bound, in step with itself and to the tool."""
+        # A slice at the lower bound may lie below it by rounding.
+        low = -CONSISTENT * self.rest_thickness
+        obeys_bound = (self.slack(point) >= low).all() & (point.thickness > 0).all()
+        # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
+        apart = self.rest_thickness + self.thickness_change(point.shift) - point.thickness
+        missed = (1 - self.free) * (point.shift - self.target)
+        consistent = abs(apart).max() <= CONSISTENT
+        return obeys_bound & consistent & (abs(missed).max() <= CONSISTENT)
 
     def evened(self, point: Displaced, fraction: Scalar) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band spread evenly.

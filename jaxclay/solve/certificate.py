@@ -7,31 +7,29 @@ r = g + lam - D^T z and positive definite H, the local model gains at most
     decrement = 1/2 r^T H^-1 r + sum (h mu |d_i| - lam_i d_i) + sum z_i (t_i - f t0_i)
 
 by weak duality, whatever lam and z are.  So nobody has to say which nodes rest:
-the certificate tries the solver's own forces and some read off the point, and keeps
-the best.  E_total is not convex; this certifies a local minimum.
+the certificate tries the method's own forces and some read off the point, and keeps
+the best.  E_total is not convex; this certifies a local minimum.  On splines friction acts
+at points, the lower bound at Gauss points, and D is what they see of the coefficients.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from jaxclay.clay import text
 from jaxclay.numerics.arrays import Array, Bool, Float, Shaped, namespace
-from jaxclay.numerics.banded import Model
 from jaxclay.numerics.host import pytree
-from jaxclay.schemes.base import DECREMENT, SMALL, Forces
-from jaxclay.schemes.sums import Displaced
-from jaxclay.schemes.system import Linear, System
+from jaxclay.schemes.base import DECREMENT, SMALL, AnyDisplaced, Forces, Newtonian, Pull
 
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
-_CONSISTENT = 1e-12  # over the unit l
+_STILL = 1e-12  # over the unit l: clay that rests
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _PENALTY = 1e4  # over the Hessian's entry there: more would drown the others' in rounding
-_TURNS = 5  # for each pair of forces, of which all but the last read off the lower bound's
+_TURNS = 5  # for each pair of forces, of which all but the last read it off
 _LAST = _TURNS * (2 + len(_AT_REST))
 _AT_BOUND = 1e-9  # slack over rest thickness below which the lower bound may push
 
@@ -97,29 +95,30 @@ def accepted_decrement(energy_free: Float[Array, "*of"]) -> Float[Array, "*of"]:
     return DECREMENT * namespace(energy_free).maximum(energy_free, SMALL)
 
 
-def certify(system: System, point: Displaced, forces: Forces) -> Certificate:
-    """Certify a point; ``forces`` are the solver's own multipliers, zeros if it has none."""
-    model = system.smooth_model(point)
-    energy = model.value + system.friction_limit @ abs(point.shift)
+def certify(problem: Newtonian, point: AnyDisplaced, forces: Forces) -> Certificate:
+    """Certify a point; ``forces`` are the method's own multipliers, zeros if it has none."""
+    model = problem.smooth_model(point)
+    energy = model.value + problem.friction_limit @ abs(point.shift)
 
     def body(search: Search) -> Search:
-        linear, tried = asked(system, point, model, forces, search)
-        answer = system.solve(model.bands, linear)
-        return taken(system, point, model, energy, search, linear, tried, *answer)
+        pull, tried = asked(problem, point, model, forces, search)
+        answer = problem.newton_step(point, model.bands, pull)
+        return taken(problem, point, search, pull, tried, *answer)
 
-    found = jax.lax.while_loop(lambda search: ~search.over, body, first_search(system))
-    return concluded(system, point, found)
+    first = first_search(problem, energy)
+    found = jax.lax.while_loop(lambda search: ~search.over, body, first)
+    return concluded(problem, point, found)
 
 
-def concluded(system: System, point: Displaced, found: Search) -> Certificate:
+def concluded(problem: Newtonian, point: AnyDisplaced, found: Search) -> Certificate:
     """The certificate of a point whose forces have been searched for."""
     xp = namespace(point.shift, found.positive)
-    best, positive, admissible = found.best, found.positive, _admissible(system, point)
+    best, positive, admissible = found.best, found.positive, problem.admissible(point)
     return Certificate(
         accepted=best.passes(found.energy_free) & positive & admissible,
         decrement=xp.where(positive, best.decrement, xp.inf),
         step=xp.where(positive, best.step, xp.inf),
-        residual=best.residual / (system.mu + system.k),
+        residual=best.residual / (problem.mu + problem.k),
         positive=positive,
         admissible=admissible,
         energy_free=found.energy_free,
@@ -142,20 +141,20 @@ class _Verdict(NamedTuple):
 class Search(NamedTuple):
     """Where the search for the forces that certify a point stands.
 
-    Tried are the solver's own; its friction with the lower bound's forces z read off; and
-    for each threshold h mu sign(d) beyond it and -g within, with z read off.  These forces
-    are those that stiff penalties need to hold the slices there (method of multipliers).  Where H
-    is indefinite nodes that rest with friction to spare are left out, and slices that the lower
-    bound pushes on, which cannot get thinner, may be held by penalties.
+    Tried are the method's own; its friction with the lower bound's forces z read off; and for
+    each threshold h mu sign(d) beyond it, with what holds the clay within and z read off.  Such
+    forces are those that stiff penalties need to keep all in place (method of multipliers).
+    Where H is indefinite clay that rests with friction to spare, and slices that the lower bound
+    pushes on, which cannot get thinner, may be held by penalties.
 
     Attributes
     ----------
     turn : int
-        Which pair, and how far its z is read off.
-    floor : (n,) array
+        Which pair, and how far it is read off.
+    friction, floor : (m,) and (s,) arrays
         Those forces.
-    dropped, held : bools
-        Whether nodes are left out, and slices held, since H was indefinite.
+    rests, held : bools
+        Whether resting clay and slices are held, since H was indefinite.
     positive : bool
         Whether H is positive definite so.
     energy_free : float
@@ -164,8 +163,9 @@ class Search(NamedTuple):
     """
 
     turn: Array
+    friction: Array
     floor: Array
-    dropped: Array
+    rests: Array
     held: Array
     positive: Array
     energy_free: Array
@@ -177,111 +177,106 @@ class Search(NamedTuple):
         return (self.turn >= _LAST) | self.best.passes(self.energy_free)
 
     def refuses_own(self, before: Search) -> Array:
-        """Whether this turn, the one after ``before``, has refused the solver's own forces."""
-        return (before.turn < _TURNS) & (self.turn >= _TURNS) & ~self.over
+        """Whether this turn, the one after ``before``, has refused the method's own forces."""
+        return (before.turn < _TURNS) & (self.turn >= _TURNS) & self.positive & ~self.over
+
+    @property
+    def pair(self) -> Array:
+        """Which pair is tried."""
+        return jax.lax.div(self.turn, _TURNS)
 
     @property
     def reading(self) -> Array:
-        """How often z has been read off for this pair."""
+        """How often this pair has been read off."""
         return jax.lax.rem(self.turn, _TURNS)
 
     @property
     def reads(self) -> Array:
-        """Whether this turn reads off z."""
+        """Whether this turn reads it off."""
         return self.reading < _TURNS - 1
 
-    def forces(self, system: System, point: Displaced, gradient, own: Forces) -> Forces:
-        """The pair of this turn, z as far as it is read off."""
-        d, limit = point.shift, system.friction_limit
-        i = jax.lax.div(self.turn, _TURNS)
-        threshold = jnp.asarray((-1.0, -1.0, *_AT_REST))[i]
-        moves = abs(d) > threshold
-        read = jnp.where(i < 2, own.friction, jnp.where(moves, limit * jnp.sign(d), -gradient))
-        floor = jnp.where(i == 0, own.floor, self.floor * (self.reading > 0))
+    def stays(self, point: AnyDisplaced) -> Array:
+        """(m,) where this pair takes clay to rest, and its friction has to be read off."""
+        return abs(point.shift) <= jnp.asarray((-1.0, -1.0, *_AT_REST))[self.pair]
+
+    def forces(self, problem: Newtonian, point: AnyDisplaced, own: Forces) -> Forces:
+        """The pair of this turn, as far as it is read off."""
+        limit, stays, begun = problem.friction_limit, self.stays(point), self.reading > 0
+        moving = jnp.where(self.pair < 2, own.friction, limit * jnp.sign(point.shift))
+        friction = jnp.where(stays, jnp.where(begun, self.friction, own.friction), moving)
+        floor = jnp.where(self.pair == 0, own.floor, self.floor * begun)
         floor = jnp.where(self.reads, floor, jnp.maximum(floor, 0.0))
-        return Forces(jnp.maximum(jnp.minimum(read, limit), -limit), floor)
+        return Forces(jnp.maximum(jnp.minimum(friction, limit), -limit), floor)
 
 
-def first_search(system: System) -> Search:
-    """Before anything was tried."""
+def first_search(problem: Newtonian, energy: Array) -> Search:
+    """Before anything was tried; ``energy`` is E_free."""
     no, inf = jnp.asarray(False), jnp.asarray(jnp.inf)
     worst = _Verdict(inf, inf, inf, jnp.zeros(()))
-    turn, none = jnp.asarray(_TURNS - 1), jnp.zeros_like(system.floor)
-    return Search(turn, none, no, no, no, jnp.zeros(()), worst)
+    none = jnp.zeros_like(problem.friction_limit), jnp.zeros_like(problem.floor)
+    return Search(jnp.asarray(_TURNS - 1), *none, no, no, no, energy, worst)
 
 
 def searched(positive: Array, energy_free: Array, *best: Array) -> Search:
     """A search of which only the result is known."""
-    return Search(_LAST, 0.0, False, False, positive, energy_free, _Verdict(*best))
+    return Search(_LAST, 0.0, 0.0, False, False, positive, energy_free, _Verdict(*best))
 
 
 def asked(
-    system: System, point: Displaced, model: Model, own: Forces, search: Search
-) -> tuple[Linear, Forces]:
-    """What the next turn takes: the residual, a Hessian that penalties may hold; its forces."""
-    forces = search.forces(system, point, model.gradient, own)
-    rests = (point.shift == 0) & (abs(model.gradient) < system.friction_limit) & search.dropped
-    keep = system.free * (1 - rests)
-    r = model.gradient + forces.friction - system.from_thickness(forces.floor)
-    penalties = (search.reads | search.held) * _penalties(system, point, model)
-    return Linear(penalties, 0 * r, keep * r, keep), forces
+    problem: Newtonian, point: AnyDisplaced, model: Any, own: Forces, search: Search
+) -> tuple[Pull, Forces]:
+    """What the next turn takes: the residual, beside a Hessian with penalties; its forces."""
+    forces = search.forces(problem, point, own)
+    r = model.gradient + problem.from_shift(forces.friction) - problem.from_thickness(forces.floor)
+    spare = search.rests & (abs(forces.friction) < problem.friction_limit)
+    rests = search.stays(point) & (search.reads | (spare & (abs(point.shift) <= _STILL)))
+    held = (search.reads | search.held) & at_lower_bound(problem, point)
+    of_friction, of_floor = problem.own_stiffness(model.bands)
+    penalties = _PENALTY * held * of_floor, _PENALTY * rests * of_friction
+    none = jnp.zeros(())
+    return Pull(*penalties, none, none, r, search.energy_free, 0 * of_floor), forces
 
 
 def taken(
-    system: System, point: Displaced, model: Model, energy: Array, search: Search,
-    linear: Linear, forces: Forces, answer: Array, positive: Array,
+    problem: Newtonian, point: AnyDisplaced, search: Search, pull: Pull, forces: Forces,
+    answer: Array, positive: Array,
 ) -> Search:  # fmt: skip
-    """The search after a turn whose residual r gave H^-1 r, ``answer``; ``energy`` is E_free."""
-    d, limit, r = point.shift, system.friction_limit, linear.force
+    """The search after a turn whose residual r gave H^-1 r, ``answer``."""
+    d, limit, r, energy = point.shift, problem.friction_limit, pull.force, search.energy_free
     friction, floor = forces
-    touches = at_lower_bound(system, point)
-    pushed = (floor > 0) & touches
-    touching, pushing = touches.sum(), pushed.sum()
-    left = 0.5 * r * answer + limit * abs(d) - friction * d
-    decrement = (left[1:] + floor * system.slack(point)).sum()
+    touches = at_lower_bound(problem, point)
+    touching, pushing = touches.sum(), ((floor > 0) & touches).sum()
+    decrement = 0.5 * (r @ answer) + (limit * abs(d) - friction * d).sum()
+    decrement += (floor * problem.slack(point)).sum()
     # Penalties may stand in for the lower bound only where it pushes.
     honest = ~search.held | (pushing == touching)
     decrement = jnp.where(honest & ~jnp.isnan(decrement), decrement, jnp.inf)
-    shares = jnp.where(limit > 0, limit / system.mu, 1.0)
-    step, residual = jnp.max(jnp.stack([abs(answer), abs(r) / shares]), axis=1)
-    now = _Verdict(decrement, step, residual, 1.0 * pushing)
+    shift = problem.shift_change(answer)
+    shares = problem.from_shift(limit)
+    residual = jnp.max(abs(r) / jnp.where(shares > 0, shares / problem.mu, 1.0))
+    now = _Verdict(decrement, jnp.max(abs(shift)), residual, 1.0 * pushing)
     better = now.passes(energy) | (decrement < search.best.decrement)
     better &= ~search.reads & positive
-    # An indefinite H is tried again as long as more of it can be left out.
-    drops = ~positive & ~search.dropped
-    holds = ~positive & ~drops & ~search.held & (touching > 0)
-    following = search.turn + jnp.where(search.reads | (touching > 0), 1, _TURNS)
-    following = jnp.where(positive, following, _LAST)
-    rises = linear.between * system.thickness_change(answer)
+    # Where H is indefinite more of the clay is held, as long as its forces have been read off.
+    own = search.turn < 2 * _TURNS
+    rests = ~positive & ~search.rests
+    held = ~positive & ~rests & ~search.held & (touching > 0)
+    following = search.turn + jnp.where((touching > 0) | (search.turn >= _TURNS), 1, _TURNS)
+    again = jnp.where(rests & own, 2 * _TURNS, search.turn)
+    following = jnp.where(positive, following, jnp.where(rests | held, again, _LAST))
+    reads = positive & search.reads
     return Search(
-        turn=jnp.where(drops | holds, search.turn, following),
-        floor=jnp.where(positive & search.reads, floor + rises, 0.0),
-        dropped=search.dropped | drops,
-        held=search.held | holds,
+        turn=following,
+        friction=jnp.where(reads, friction - pull.friction * shift, 0.0),
+        floor=jnp.where(reads, floor + pull.floor * problem.thickness_change(answer), 0.0),
+        rests=search.rests | rests,
+        held=search.held | held,
         positive=positive,
         energy_free=energy,
         best=jax.tree.map(lambda a, b: jnp.where(better, a, b), now, search.best),
     )
 
 
-def _penalties(system: System, point: Displaced, model: Model) -> Array:
-    """(n,) their strength on the slices at the lower bound."""
-    first, *_, bend = model.bands
-    return at_lower_bound(system, point) * (_PENALTY * jnp.maximum(first, first - bend))
-
-
-def _admissible(system: System, point: Displaced) -> Array:
-    """Whether the shape keeps above the lower bound, in step with itself and to the tool."""
-    # A slice at the lower bound may lie below it by rounding.
-    low = -1e-12 * system.rest_thickness
-    obeys_bound = (system.slack(point) >= low).all() & (point.thickness > 0).all()
-    # Thicknesses and displacements are held apart; the energy is of both, so they must agree.
-    apart = system.rest_thickness + system.thickness_change(point.shift) - point.thickness
-    missed = (1 - system.free) * (point.shift - system.target)
-    consistent = abs(apart).max() <= _CONSISTENT
-    return obeys_bound & consistent & (abs(missed).max() <= _CONSISTENT)
-
-
-def at_lower_bound(system: System, point: Displaced) -> Bool[Array, "n"]:
-    """(n,) slices on which the lower bound may push."""
-    return system.slack(point) <= _AT_BOUND * system.rest_thickness
+def at_lower_bound(problem: Newtonian, point: AnyDisplaced) -> Bool[Array, "s"]:
+    """(s,) where the lower bound may push."""
+    return problem.slack(point) <= _AT_BOUND * problem.rest_thickness

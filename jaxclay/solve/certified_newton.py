@@ -48,13 +48,11 @@ def certified_newton(
         state, finite, certifying, search, again = carry
         model = system.smooth_model(state.point)
         pull = newton.asked(system, state, model)
-        stepping = system.linear(model.bands, pull)
+        search = search._replace(energy_free=pull.energy)
         certified, tried = certificate.asked(system, state.point, model, state.forces, search)
-        linear = _either(certifying, certified, stepping)
-        answer, positive = system.solve(model.bands, linear)
-        after = certificate.taken(
-            system, state.point, model, pull.energy, search, linear, tried, answer, positive
-        )
+        linear = _either(certifying, certified, pull)
+        answer, positive = system.newton_step(state.point, model.bands, linear)
+        after = certificate.taken(system, state.point, search, linear, tried, answer, positive)
         new = newton.taken(system, state, model, pull, answer, positive & ~certifying, settings)
         finite = finite & (certifying | jnp.isfinite(pull.energy + new.memory.gain))
         finished = state.finished | (new.finished & finite)
@@ -70,7 +68,8 @@ def certified_newton(
         return ~(carry.certifying & carry.search.over)
 
     over = first.finished | ~feasible
-    start = _Carry(first, feasible, over, certificate.first_search(system), jnp.asarray(0))
+    search = certificate.first_search(system, jnp.zeros(()))
+    start = _Carry(first, feasible, over, search, jnp.asarray(0))
     last = jax.lax.while_loop(go_on, body, start)
     return last.state, last.finite | ~feasible, last.search
 

@@ -54,7 +54,7 @@ def _of_heights(problem: Problem, change: Problem, outcome: Outcome) -> Displace
     point, system = outcome.point, problem.system
     moving = problem.free & (point.shift != 0)
     bands = system.smooth_model(point).bands
-    hold = jnp.where(at_lower_bound(system, point), _HOLD * jnp.max(jnp.abs(bands[0])), 0.0)
+    hold = _HOLD * at_lower_bound(system, point) * system.own_stiffness(bands)[1]
 
     def force(problem: Problem) -> Array:
         """What would move the free nodes if the problem changed around them."""

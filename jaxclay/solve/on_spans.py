@@ -20,7 +20,7 @@ from jaxclay.schemes.slices.edges import with_edges
 from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Space, space
-from jaxclay.solve import spline_certificate
+from jaxclay.solve.certificate import certify
 from jaxclay.solve.implicit import solve_implicitly
 from jaxclay.solve.solution import Derived, Solution, Verdict, status_code
 from jaxclay.solve.start import check_same_scheme
@@ -146,9 +146,7 @@ def _certified(problem: SplineProblem, outcome: Outcome) -> tuple[Verdict, Array
     rest = problem.point(jnp.zeros_like(problem.shift))
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
     terms = problem.terms(point)
-    certificate = spline_certificate.certify(
-        *jax.lax.stop_gradient((problem, point, outcome.forces))
-    )
+    certificate = certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
     clay, shift = shape(problem, point.coefficients)
     finite = outcome.finite & jnp.isfinite(terms.total)
     rises = rising(problem, point.coefficients)

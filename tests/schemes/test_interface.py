@@ -42,8 +42,14 @@ def test_shapes_are_those_that_are_written(problem):
         assert np.shape(system.from_shift(forces.friction)) == (unknowns,)
         assert np.shape(system.from_thickness(forces.floor)) == (unknowns,)
         model = system.smooth_model(point)
-        assert np.shape(model.value) == np.shape(system.kinks(point, 1e-3, 0.0)) == ()
+        assert np.shape(model.value) == np.shape(system.kinks(point, 1e-3, np.zeros(slices))) == ()
         assert np.shape(model.gradient) == (unknowns,)
+        at_places, at_slices = system.own_stiffness(model.bands)
+        assert np.shape(at_places) == places
+        assert np.shape(at_slices) == slices
+        assert (np.asarray(at_slices) >= 0).all()
+        assert system.admissible(point)
+        assert not system.admissible(system.moved(point, 1.0 * ~np.asarray(problem.free)))
         assert problem.free_smooth(point) == pytest.approx(float(model.value), rel=1e-12)
 
 

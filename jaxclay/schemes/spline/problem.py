@@ -19,10 +19,13 @@ from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar
 from jaxclay.numerics.banded import Factor, Model
 from jaxclay.numerics.host import pytree
 from jaxclay.numerics.interpolation import Interpolant
+from jaxclay.schemes.base import CONSISTENT
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import RoughShape
 from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.space import Displaced, Space, gauss_newton, sample, seeds
+
+_STIFF = 1e2  # over the unit l: curvature of friction that is reached within a hundredth of l
 
 
 @pytree
@@ -154,6 +157,11 @@ class SplineProblem:
         """The material's."""
         return self.material.k
 
+    @property
+    def mu(self) -> Scalar:
+        """The material's."""
+        return self.material.mu
+
     def kinks(
         self, point: Displaced, eps: Scalar, weight: Float[Array, "{self.space.spans}*4"]
     ) -> Float[Array, ""]:
@@ -250,6 +258,23 @@ class SplineProblem:
         gauss = pull.gauss > 0
         stiff = self.stiffness(point, matrix, pull.floor, pull.friction, pull.shift, gauss)
         return self.solved(stiff, pull.force), stiff.positive
+
+    def own_stiffness(
+        self, matrix: Array
+    ) -> tuple[Float[Array, "{self.space.spans}*6"], Float[Array, "{self.space.spans}*4"]]:
+        """(S * 6,) and (S * 4,) curvatures at the points of friction and the Gauss points, about.
+
+        Friction's own scale, reached within a hundredth of l, and the Hessian's by Y_u.
+        """
+        return _STIFF * self.friction_limit, jnp.abs(matrix[:, 0, 0])
+
+    def admissible(self, point: Displaced) -> Bool[Array, ""]:
+        """Whether Y_u keeps above the lower bound and the prescribed coefficients are kept."""
+        low = -CONSISTENT * self.rest_thickness
+        above = jnp.all(jnp.where(self.loose, self.slack(point) >= low, True))
+        missed = jnp.where(self.fixed, point.coefficients - self.shift, 0.0)
+        apart = jnp.max(jnp.abs(self.point(point.coefficients).shift - point.shift))
+        return above & (jnp.max(jnp.abs(missed)) <= CONSISTENT) & (apart <= CONSISTENT)
 
     def evened(self, point: Displaced, fraction: Scalar) -> Displaced:
         """The point moved by ``fraction`` towards each side of the band squeezed evenly."""
