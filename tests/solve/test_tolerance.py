@@ -52,7 +52,7 @@ def test_clay_cut_too_coarsely_for_the_tolerance_is_seen():
 
 
 def test_out_of_slices_the_answer_says_what_it_reached(monkeypatch):
-    assert refining.SIZES == tuple(32 << i for i in range(8))
+    assert tuple(32 << i for i in range(8)) == refining.SIZES
     coarse = functools.partial(refining.to_tolerance, sizes=(32, 64))
     monkeypatch.setattr("jaxclay.solve.minimize.to_tolerance", coarse)
     answer = deform(*SCENES[1], tolerance=1e-6)
