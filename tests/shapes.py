@@ -7,7 +7,11 @@ import importlib
 import importlib.util
 from typing import get_args
 
-ROOMS = [f"jaxclay.{room}" for room in ("numerics", "clay", "model", "schemes", "methods", "solve")]
+# Not all of numerics: what asks for types and tracers is called a million times, without shapes.
+WHERE = ["clay", "model", "schemes", "methods", "solve"]
+WHERE += [
+    f"numerics.{name}" for name in ("banded", "banded_newton", "distance", "interpolation", "roots")
+]
 
 
 def checked(fun):
@@ -29,4 +33,6 @@ def _of_arrays(hint) -> bool:
 
 
 if all(map(importlib.util.find_spec, ("beartype", "jaxtyping"))):  # the tests run without, too
-    importlib.import_module("jaxtyping").install_import_hook(ROOMS, "shapes.checked")
+    importlib.import_module("jaxtyping").install_import_hook(
+        [f"jaxclay.{name}" for name in WHERE], "shapes.checked"
+    )

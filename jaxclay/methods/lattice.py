@@ -129,7 +129,7 @@ def best_on_lattice(
 
     ``point`` is a contour above the lower bound, and ``steps`` (n+1, m) lead from it to the
     labels of each node, as :func:`label_steps` gives them.  That E_total is inf where the
-    floor forbids every contour.
+    lower bound forbids every contour.
     """
     slices = _slices(problem, point, steps)
     corners = _corners(problem, slices)
