@@ -85,12 +85,12 @@ def test_lbfgs_stops_at_a_friction_kink_and_the_certificate_refuses_it(derivativ
     assert apart.min() < 1e-12
 
 
-def test_lbfgs_that_comes_to_its_end_before_the_certificate_reports_stalled():
+def test_lbfgs_that_ends_beside_a_kink_is_certified_by_forces_read_off():
     """The last node that moves is next to the first that rests, at high friction."""
     problem = pose(Clay.cylinder(), squash_by(0.1), Material.from_snake_units(mu=100.0), "paper")
     best, answer = solved(problem), minimize(problem, "lbfgs")
-    assert answer.status is Status.STALLED
-    assert gap(answer, best) < 1e-8
+    assert answer.status is Status.CONVERGED
+    assert gap(answer, best) < 1e-10
 
 
 def test_the_methods_own_stages_are_finite_where_heights_decrease():

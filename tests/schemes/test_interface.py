@@ -48,7 +48,7 @@ def test_shapes_are_those_that_are_written(problem):
         assert np.shape(at_places) == places
         assert np.shape(at_slices) == slices
         assert (np.asarray(at_slices) >= 0).all()
-        assert system.admissible(point)
+        assert system.admissible(jaxclay.minimize(problem).point)
         assert not system.admissible(system.moved(point, 1.0 * ~np.asarray(problem.free)))
         assert problem.free_smooth(point) == pytest.approx(float(model.value), rel=1e-12)
 
