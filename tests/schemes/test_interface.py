@@ -29,7 +29,8 @@ def test_shapes_are_those_that_are_written(problem):
     system = newtonian(problem)
     (unknowns,) = problem.unknown_shape
     with jax.enable_x64(True):
-        point = lifted(problem, jaxclay.minimize(problem).point)
+        answer = jaxclay.minimize(problem)
+        point = lifted(problem, answer.point)
         forces = no_forces(problem)
         step = 1e-3 * np.arange(unknowns) * np.asarray(system.free)
         assert np.shape(problem.free) == np.shape(problem.shift) == (unknowns,)
@@ -48,7 +49,8 @@ def test_shapes_are_those_that_are_written(problem):
         assert np.shape(at_places) == places
         assert np.shape(at_slices) == slices
         assert (np.asarray(at_slices) >= 0).all()
-        assert system.admissible(jaxclay.minimize(problem).point)
+        # Where the displacement crosses zero in a span, the answer is on other splines.
+        assert newtonian(answer.problem).admissible(answer.point)
         assert not system.admissible(system.moved(point, 1.0 * ~np.asarray(problem.free)))
         assert problem.free_smooth(point) == pytest.approx(float(model.value), rel=1e-12)
 
