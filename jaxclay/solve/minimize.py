@@ -40,7 +40,7 @@ from jaxclay.solve.certified_newton import solve_on_host
 from jaxclay.solve.implicit import solve_implicitly
 from jaxclay.solve.on_spans import minimize_on_spans
 from jaxclay.solve.refining import Wanted, followed, on_slices, to_tolerance
-from jaxclay.solve.solution import Derived, Solution, Status, status_code
+from jaxclay.solve.solution import Derived, Solution, concluded
 from jaxclay.solve.start import start_of
 
 
@@ -259,18 +259,7 @@ def _traced(problem, start, settings, method) -> Solution:
 
 
 def solution_of(problem, feasible, outcome: Outcome, certificate: Certificate, method) -> Solution:
-    """The answer as users see it."""
-    xp = namespace(problem.shift, outcome.point, feasible)
-    finite = outcome.finite & xp.isfinite(certificate.energy_free + problem.band_terms.total)
+    """The answer on slices, the clay at rest where there is none."""
+    outcome = outcome._replace(point=_kept(problem.system, outcome, feasible))
     hidden = hidden_by_rounding(problem)
-    code = status_code(outcome.finished, certificate.accepted, finite, feasible, hidden)
-    return Solution(
-        problem=problem,
-        point=_kept(problem.system, outcome, feasible),
-        forces=outcome.forces,
-        iterations=outcome.iterations,
-        levels=np.zeros(0, int),
-        certificate=dataclasses.replace(certificate, accepted=code == Status.CONVERGED.value),
-        status_code=code,
-        method=method,
-    )
+    return concluded(problem, outcome, certificate, feasible, hidden, method)

@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.methods.loop import Outcome, Start, initial_guess
+from jaxclay.model.energy import Terms
 from jaxclay.numerics.arrays import Array, Bool, Float
 from jaxclay.numerics.host import compiled, in_float64, is_transformed
 from jaxclay.schemes import sums
@@ -20,9 +21,9 @@ from jaxclay.schemes.slices.edges import with_edges
 from jaxclay.schemes.spline import bspline
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.spline.space import Space, space
-from jaxclay.solve.certificate import certify
+from jaxclay.solve.certificate import Certificate, certify
 from jaxclay.solve.implicit import solve_implicitly
-from jaxclay.solve.solution import Derived, Solution, Verdict, status_code
+from jaxclay.solve.solution import Derived, Solution, concluded
 from jaxclay.solve.start import check_same_scheme
 
 _PROBES = 9  # places of a span at which Y_u is looked at
@@ -32,13 +33,16 @@ _EPS = 1e-6  # friction's smoothing over l where a solve goes on
 class SplineAnswer(NamedTuple):
     """All that a solve finds out.
 
-    ``shift`` (n+1,) is the displacement at the nodes of the answer's clay.  Where it ``crosses``
-    zero within a span, ``space`` has friction's cells meet there, and a solve on that begins at
-    ``start``.
+    Whether Y_u ``rises`` everywhere, and ``shift`` (n+1,), the displacement at the nodes of the
+    answer's clay.  Where it ``crosses`` zero within a span, ``space`` has friction's cells meet
+    there, and a solve on that begins at ``start``.
     """
 
     outcome: Outcome
-    verdict: Verdict
+    certificate: Certificate
+    rises: Array
+    clay: Clay
+    terms: Terms
     shift: Array
     crosses: Array
     space: Space
@@ -52,21 +56,12 @@ def minimize_on_spans(problem: SplineProblem, start: Any, settings: Any, method:
         return in_float64("minimize", answered, problem, start, settings, method=method)
 
     problem, answer = solved(solve, problem, begin_from(problem, start))
-    verdict, outcome = answer.verdict, answer.outcome
-    clay = verdict.clay
+    clay = answer.clay
     if not is_transformed(clay):
         clay = with_edges(clay, problem.sliced, answer.shift)
-    return Solution(
-        problem=problem,
-        point=verdict.point,
-        forces=outcome.forces,
-        iterations=outcome.iterations,
-        levels=np.zeros(0, int),
-        certificate=verdict.certificate,
-        status_code=verdict.code,
-        derived=Derived(clay, verdict.terms, problem.rough),
-        method=method,
-    )
+    derived = Derived(clay, answer.terms, problem.rough)
+    found = answer.outcome, answer.certificate, problem.rough.feasible, ~answer.rises
+    return concluded(problem, *found, method, derived)
 
 
 def solved(
@@ -120,7 +115,7 @@ def answered(problem: SplineProblem, start: Start, settings: Any, *, method: str
     """The method, and the certificate of where it ended."""
     feasible = problem.rough.feasible
     outcome = solve_implicitly(problem, jax.lax.stop_gradient(start), settings, feasible, method)
-    return SplineAnswer(outcome, *_certified(problem, outcome), *_crossing(problem, outcome))
+    return SplineAnswer(*_certified(problem, outcome), *_crossing(problem, outcome))
 
 
 def _crossing(problem: SplineProblem, outcome: Outcome) -> tuple[Array, Space, Start]:
@@ -140,20 +135,19 @@ def _crossing(problem: SplineProblem, outcome: Outcome) -> tuple[Array, Space, S
     return crosses, broken, Start(point, forces, jnp.asarray(True))
 
 
-def _certified(problem: SplineProblem, outcome: Outcome) -> tuple[Verdict, Array]:
-    """The shape, its terms, its certificate and the status code; the displacement at its nodes."""
+def _certified(
+    problem: SplineProblem, outcome: Outcome
+) -> tuple[Outcome, Certificate, Array, Clay, Terms, Array]:
+    """The outcome, at rest where there is none, and its certificate, shape and terms."""
     feasible = problem.rough.feasible
     rest = problem.point(jnp.zeros_like(problem.shift))
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), outcome.point, rest)
-    terms = problem.terms(point)
+    outcome = outcome._replace(point=point)
     certificate = certify(*jax.lax.stop_gradient((problem, point, outcome.forces)))
     clay, shift = shape(problem, point.coefficients)
-    finite = outcome.finite & jnp.isfinite(terms.total)
     rises = rising(problem, point.coefficients)
-    accepted = certificate.accepted & finite & feasible & rises
-    code = status_code(outcome.finished, accepted, finite, feasible, ~rises)
-    certificate = dataclasses.replace(certificate, accepted=accepted)
-    return Verdict(clay, point, terms, certificate, code), shift
+    certificate = dataclasses.replace(certificate, accepted=certificate.accepted & rises)
+    return outcome, certificate, rises, clay, problem.terms(point), shift
 
 
 def shape(

@@ -7,7 +7,10 @@ import enum
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from jaxclay.clay import text
+from jaxclay.methods.loop import Outcome
 from jaxclay.model.energy import Terms
 from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, Shaped, namespace
 from jaxclay.numerics.checks import Hindrance
@@ -51,16 +54,6 @@ class Status(enum.IntEnum):
 
 
 _NAMES = {status.value: str(status) for status in Status}
-
-
-class Verdict(NamedTuple):
-    """What the certificate makes of an outcome; ``clay`` may be its arrays."""
-
-    clay: Any
-    point: Any
-    terms: Terms
-    certificate: Certificate
-    code: Array
 
 
 def shape_of(problem: Any, point: Any) -> Any:
@@ -253,3 +246,24 @@ class Solution:
 
     def _repr_html_(self) -> str:
         return solution_html(self)
+
+
+def concluded(
+    problem: Any, outcome: Outcome, certificate: Certificate, feasible: Array, hidden: Array,
+    method: str, derived: Derived | None = None,
+) -> Solution:  # fmt: skip
+    """The answer as users see it, of any scheme; ``hidden`` where it could not be resolved."""
+    xp = namespace(outcome.point, feasible)
+    finite = outcome.finite & xp.isfinite(certificate.energy_free + problem.band_terms.total)
+    code = status_code(outcome.finished, certificate.accepted, finite, feasible, hidden)
+    return Solution(
+        problem=problem,
+        point=outcome.point,
+        forces=outcome.forces,
+        iterations=outcome.iterations,
+        levels=np.zeros(0, int),
+        certificate=dataclasses.replace(certificate, accepted=code == Status.CONVERGED.value),
+        status_code=code,
+        derived=derived,
+        method=method,
+    )
