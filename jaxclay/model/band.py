@@ -139,6 +139,17 @@ def sides(rest, tool: Tool, band: Band) -> tuple[Side, Side]:
     return below, above
 
 
+def imposed(rest, tool: Tool, band: Band) -> tuple[Array, Array, Array]:
+    """(n+1,) nodes of the band, nodes whose height is prescribed, and their displacements."""
+    xp = namespace(rest, tool, band)
+    nodes, held = rest.nodes(), rest.held(band)
+    index = xp.arange(nodes.shape[0])
+    in_band = band.bottom + (rest.r0 / tool.radius) ** 2 * (nodes - band.lower)
+    shift = xp.where(held & (index > 0), in_band - rest.heights, 0.0)
+    ends = (index == 0) | ((index == index[-1]) & tool.top_fixed)
+    return held, held | ends, shift
+
+
 def locate_band(rest, tool: Tool, material: Material) -> Band:
     """The band of least E_move; ties go to the lower one.
 

@@ -8,11 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.clay.clay import Clay, equal_nodes, on_nodes, unchecked_clay
-from jaxclay.model.band import Band, Rest, Tool, locate_band, tool_of
+from jaxclay.model.band import Band, Rest, Tool, imposed, locate_band, tool_of
 from jaxclay.model.energy import Terms
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
-from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.checks import check_slices
 from jaxclay.numerics.host import (
     check_float64,
@@ -24,7 +23,7 @@ from jaxclay.numerics.host import (
 )
 from jaxclay.schemes.paper import sums_of
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.slices.posing import SPACINGS, located, pose_on_host, pose_traced
+from jaxclay.schemes.slices.posing import SPACINGS, place, pose_on_host, pose_traced
 from jaxclay.schemes.spline.pose import posed as posed_spline
 
 SCHEMES = ("slices", "paper", "spline")
@@ -97,7 +96,7 @@ def pose(
         spacing = "placed" if spacing is None else spacing
         wanted = clay.slices if slices is None else slices
         if concrete:
-            return pose_on_host(located(clay, squash, material), wanted, spacing)
+            return pose_on_host(place(clay, squash, material), wanted, spacing)
         check_float64("pose")
         return pose_traced(clay, squash, material, wanted, spacing)
     clay = _equal(clay, slices)
@@ -148,30 +147,21 @@ def _pose(clay: Clay, squash: Squash, material: Material) -> Problem:
     nodes = jnp.asarray(equal_nodes(clay.slices), clay.heights.dtype)
     rest = Rest(clay.thickness / unit, clay.heights / unit, clay.r0 / unit**1.5, nodes)
     tool = tool_of(squash, unit)
-    return placed(clay, rest, tool, material, locate_band(rest, tool, material))
+    return problem_of(clay, rest, tool, material, locate_band(rest, tool, material))
 
 
-def placed(clay: Clay, rest: Rest, tool: Tool, material: Material, band: Band) -> Problem:
+def problem_of(clay: Clay, rest: Rest, tool: Tool, material: Material, band: Band) -> Problem:
     """The problem of a band that has been located: its nodes fixed where the tool wants them."""
-    held = rest.held(band)
-    in_band = band.bottom + (rest.r0 / tool.radius) ** 2 * (rest.nodes() - band.lower)
-    shift = jnp.where(held, in_band - rest.heights, 0.0).at[0].set(0.0)
-    ends = jnp.zeros_like(held).at[0].set(True).at[-1].set(tool.top_fixed)
+    _, fixed, shift = imposed(rest, tool, band)
     sums = sums_of(rest.slices, rest.heights)
     none = jnp.zeros((), rest.heights.dtype)
-    fixed = held | ends
     return Problem(
         clay, rest, tool, material, band, fixed, shift, sums, Terms(none, none, none, none)
     )
 
 
-@compiled()
-def _held(problem: Problem) -> Array:
-    return problem.rest.held(problem.band)
-
-
 def _check_band(problem: Problem, squash: Squash) -> None:
-    held = in_float64("pose", _held, problem)  # on the host a node on the edge needs float64 too
+    held = problem.rest.held(problem.band)
     if held.sum() >= 2:
         return
     share = float(problem.band.upper - problem.band.lower)

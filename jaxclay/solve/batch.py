@@ -18,7 +18,7 @@ from jaxclay.numerics.checks import check_tolerance, check_whole
 from jaxclay.numerics.host import as_compiled, as_float64, compiled, in_float64
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_start
-from jaxclay.schemes.slices.posing import located
+from jaxclay.schemes.slices.posing import place
 from jaxclay.solve.certified_newton import Answer, Packed, answered, packed, program, unpacked
 from jaxclay.solve.minimize import newton_start, solution_of
 from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
@@ -103,7 +103,7 @@ def deform_batch(
     plans: list[Plan] = []
     for clay, squash, material in scenes:
         check_fits(squash, clay)
-        found = located(clay, squash, material)
+        found = place(clay, squash, material)
         if tolerance is not None:
             plans.append(to_tolerance(found, float(tolerance)))
         else:

@@ -31,7 +31,7 @@ from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.resolution import hidden_by_rounding
 from jaxclay.schemes.rough import RoughShape, rough_shape, rough_start
 from jaxclay.schemes.slices.nodes import least_slices
-from jaxclay.schemes.slices.posing import counted, located, pose_on_host
+from jaxclay.schemes.slices.posing import counted, place, pose_on_host
 from jaxclay.schemes.spline.problem import SplineProblem
 from jaxclay.schemes.sums import Displaced
 from jaxclay.schemes.system import System
@@ -100,7 +100,7 @@ def deform(
         return minimize(pose(clay, squash, material, scheme, **given), method, **settings)
     method_settings(method, settings)
     check_fits(squash, clay)
-    found = located(clay, squash, material)
+    found = place(clay, squash, material)
     if tolerance is not None:
         return _by(method, settings, followed(to_tolerance(found, float(tolerance)), _newton))
     wanted = clay.slices if slices is None else slices

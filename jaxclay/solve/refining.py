@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxclay.clay.contour import contour_error_upto
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.slices.posing import Located, pose_on_host
+from jaxclay.schemes.slices.posing import Placed, pose_on_host
 from jaxclay.schemes.sums import Displaced
 from jaxclay.solve.carried import carried
 from jaxclay.solve.solution import Solution, Status
@@ -38,7 +38,7 @@ class Wanted(NamedTuple):
 Plan = Generator[Wanted, Solution, Solution]
 
 
-def on_slices(found: Located, slices: int) -> Plan:
+def on_slices(found: Placed, slices: int) -> Plan:
     """The answer on n slices, placed by one on eight times as many, 512 to 1024."""
     answers: list[Solution] = []
     for size in (min(max(8 * slices, _FIRST[0]), _FIRST[1]), slices):
@@ -48,7 +48,7 @@ def on_slices(found: Located, slices: int) -> Plan:
     return _with_levels(answers)
 
 
-def to_tolerance(found: Located, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:
+def to_tolerance(found: Placed, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:
     """The answer on as few slices as put its contour within the tolerance, over the unit l.
 
     Twice as many slices each time, until the last two answers lie within the tolerance of each
@@ -86,7 +86,7 @@ def _nearest(answers: list[Solution], errors: np.ndarray, tolerance: float) -> S
     return dataclasses.replace(chosen, error_estimate=errors[best], status_code=code)
 
 
-def _next(found: Located, slices: int, answers: list[Solution]) -> Plan:
+def _next(found: Placed, slices: int, answers: list[Solution]) -> Plan:
     """The answer on so many slices, placed by the last one and starting from it."""
     # What is no answer places no nodes.
     good = bool(answers) and answers[-1].status is Status.CONVERGED

@@ -19,7 +19,7 @@ from jaxclay.experiments.compare.solves import compiled_call
 from jaxclay.methods.loop import initial_guess
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.schemes.problem import Problem
-from jaxclay.schemes.slices.posing import located
+from jaxclay.schemes.slices.posing import place
 from jaxclay.solve.certified_newton import packed, program
 
 SEED = 21
@@ -162,7 +162,7 @@ def locating(effort) -> Part:
         fresh = lambda c=clay: Clay(c.heights, c.thickness, c.r0, c.unit, c.material)  # noqa: E731
         calls = {
             "interpolating": lambda fresh=fresh: fresh().interpolant,
-            "locating": lambda clay=clay: located(clay, squash, _SNAKE),
+            "locating": lambda clay=clay: place(clay, squash, _SNAKE),
             "K": K,
         }
         taken = medians(calls, 5 * effort.seconds)

@@ -7,7 +7,7 @@ import pytest
 from scenes import wavy
 
 from jaxclay import Clay, Material, Squash, deform
-from jaxclay.schemes.slices.posing import located
+from jaxclay.schemes.slices.posing import place
 
 BAND = (0.3, 0.6)
 SEED, DRAWN_IN = 44, [0.46764, 0.81568, 0.60464, 1.35118]
@@ -82,18 +82,18 @@ def test_first_derivatives_by_the_tools_heights():
     check(by_slices_in_the_middle, [*BAND, 0.42, 0.8], second=False)
 
 
-def place(values):
+def lower_edge(values):
     """The lower edge of the material that the tool holds."""
     bottom, top, radius, mu = values
     squash, material = Squash(bottom, top, radius), Material(1.0, mu, 0.05, 1e-3)
-    return located(Clay.cylinder(slices=24), squash, material).band.lower
+    return place(Clay.cylinder(slices=24), squash, material).band.lower
 
 
 def test_the_band_moves_with_the_tool():
     """Everywhere, also where a place of the search is the band's own."""
     rng = np.random.default_rng(0)
     with jax.enable_x64(True):
-        value, gradient = jax.jit(place), jax.jit(jax.grad(place))
+        value, gradient = jax.jit(lower_edge), jax.jit(jax.grad(lower_edge))
         scenes = [[0.29994, 0.6, 0.42, 0.8]]
         for _ in range(60):
             bottom = rng.uniform(0.1, 0.5)
@@ -111,7 +111,7 @@ def test_a_band_at_the_end_of_its_range_moves_with_the_tool():
     def lower(values):
         bottom, top, radius, mu = values
         squash, material = Squash(bottom, top, radius), Material(1.0, mu, 0.05, 1e-3)
-        return located(wavy(SEED, 24), squash, material).band.lower
+        return place(wavy(SEED, 24), squash, material).band.lower
 
     at = np.array(DRAWN_IN)
     with jax.enable_x64(True):

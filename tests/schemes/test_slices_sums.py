@@ -10,7 +10,7 @@ from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE, wavy
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, deform, pose
-from jaxclay.schemes.slices.posing import located, problem_of
+from jaxclay.schemes.slices.posing import place, problem_of
 
 N = 24
 MATERIALS = {
@@ -110,7 +110,7 @@ def test_every_sum_on_random_nodes(seed, bottom, height, radius, held, material)
     share = radius**2 / 0.25 * height
     if bottom + share > 0.95 or (held and bottom + height > 0.9):
         return
-    found = located(clay, squash, MATERIALS[material])
+    found = place(clay, squash, MATERIALS[material])
     if not found.band.feasible:
         return
     low, high = float(found.band.lower), float(found.band.upper)

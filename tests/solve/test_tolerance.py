@@ -10,7 +10,7 @@ from scenes import MIDDLE, PRINTED, REFERENCE, SNAKE
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, contour_error, deform
-from jaxclay.schemes.slices.posing import located
+from jaxclay.schemes.slices.posing import place
 from jaxclay.solve import refining
 
 SCENES = [
@@ -175,7 +175,7 @@ def test_a_squash_without_room_is_infeasible_at_once():
 
 def test_where_finer_slices_fail_the_best_answer_before_is_told():
     """As rounding may have it on clay squeezed into a wide lip."""
-    found = located(*SCENES[1])
+    found = place(*SCENES[1])
 
     def solve(wanted):
         answer = jaxclay.minimize(wanted.problem, start=wanted.start)

@@ -17,7 +17,7 @@ from jaxclay.schemes.posing import pose
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.resolution import resolvable_slices
 from jaxclay.schemes.rough import rough_shape
-from jaxclay.schemes.slices.posing import located, pose_on_host
+from jaxclay.schemes.slices.posing import place, pose_on_host
 from jaxclay.solve import on_spans
 from jaxclay.solve.certified_newton import packed, program
 from jaxclay.solve.minimize import deform, minimize
@@ -106,7 +106,7 @@ def _second_order(scene: RandomScene, way: Way) -> Ready:
 
 
 def _equal(scene: RandomScene, way: Way) -> list[tuple[Problem, Any, str]]:
-    found = located(scene.clay, scene.squash, scene.material)
+    found = place(scene.clay, scene.squash, scene.material)
     return [(pose_on_host(found, way.size, "equal"), None, way.method)]
 
 
@@ -118,7 +118,7 @@ def _placed(scene: RandomScene, way: Way) -> list[tuple[Problem, Any, str]]:
         asked.append((*wanted, "newton"))
         return minimize(wanted.problem, start=wanted.start)
 
-    found = located(scene.clay, scene.squash, scene.material)
+    found = place(scene.clay, scene.squash, scene.material)
     last = followed(on_slices(found, way.size), solve).problem
     return asked if way.method == "newton" else [*asked, (last, None, way.method)]
 

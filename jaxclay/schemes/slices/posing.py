@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.clay.clay import Clay, on_nodes, unchecked_clay
-from jaxclay.model.band import Band, Rest, Tool, sides, tool_of
+from jaxclay.model.band import Band, Rest, Tool, imposed, sides, tool_of
 from jaxclay.model.material import Material
 from jaxclay.model.side import solve_sides
 from jaxclay.model.squash import Squash
@@ -37,7 +37,7 @@ _NOWHERE = (-1.0, 2.0)  # where clay rests below and above, if none is kept
 _SHARES = (0.25, 0.125)  # of the slices, below and under the tool, where none can be counted
 
 
-class Located(NamedTuple):
+class Placed(NamedTuple):
     """A squash whose band has been found; ``clay`` is that before it, lengths inside over l.
 
     Attributes
@@ -61,7 +61,7 @@ class Located(NamedTuple):
 
 
 @as_compiled()
-def located(clay: Clay, squash: Squash, material: Material, two_sided: Any = True) -> Located:
+def place(clay: Clay, squash: Squash, material: Material, two_sided: Any = True) -> Placed:
     """Find the band; ``two_sided`` is False where it is known to begin at the bottom."""
     if is_concrete(clay, squash, material):
         squash, material = as_float64((squash, material))
@@ -76,7 +76,7 @@ def located(clay: Clay, squash: Squash, material: Material, two_sided: Any = Tru
     band = locate(rest, r0, tool, material, two_sided)
     edges = namespace(band).stack([band.lower, band.upper])
     layers = densities.layer_of(rest.slope(edges), r0, material)
-    return Located(
+    return Placed(
         clay, rest, r0, tool, material, band, layers, band_terms(rest, r0, tool, material, band)
     )
 
@@ -97,18 +97,14 @@ def counted(slices: Any) -> tuple[int, tuple[int, int, int] | None]:
 
 
 @as_compiled()
-def problem_of(found: Located, nodes: Float[Array, "nodes"]) -> Problem:
+def problem_of(found: Placed, nodes: Float[Array, "nodes"]) -> Problem:
     """The problem on nodes of which the band's edges are some."""
     clay, r0, band = found.clay, found.r0, found.band
     xp = namespace(found, nodes)
     unit = clay.unit
     on = on_nodes(clay, nodes)
     rest = Rest(on.thickness / unit, on.heights / unit, r0, nodes)
-    held = rest.held(band)
-    in_band = band.bottom + (r0 / found.tool.radius) ** 2 * (nodes - band.lower)
-    index = xp.arange(nodes.shape[0])
-    ends = (index == 0) | ((index == index[-1]) & found.tool.top_fixed)
-    shift = xp.where(held & (index > 0), in_band - rest.heights, 0.0)
+    held, fixed, shift = imposed(rest, found.tool, band)
     sums = sums_of(nodes, held)
     first, last = xp.argmax(held), held.shape[0] - 1 - xp.argmax(held[::-1])
     beside = xp.stack([sums.slices[first - 1], sums.slices[last - sums.slices.shape[0]]])
@@ -117,7 +113,7 @@ def problem_of(found: Located, nodes: Float[Array, "nodes"]) -> Problem:
     bare = unchecked_clay(on.heights, on.thickness, clay.r0, unit, nodes)
     before = clay if is_concrete(clay) else None
     return Problem(
-        bare, rest, found.tool, found.material, band, held | ends, shift, sums, terms,
+        bare, rest, found.tool, found.material, band, fixed, shift, sums, terms,
         before=before, scheme="slices",
     )  # fmt: skip
 
@@ -139,7 +135,7 @@ def pose_traced(
             f"slices={slices!r} leaves a side of the tool without slices: inside a transformation "
             f"use at least {layout.IN_BAND + 2 * layout.BESIDE}"
         )
-    found = located(clay, squash, material, two_sided=counts[0] > 0)
+    found = place(clay, squash, material, two_sided=counts[0] > 0)
     xp = namespace(found)
     band = found.band
     lower, upper = band.lower, band.upper
@@ -155,7 +151,7 @@ def pose_traced(
     return problem_of(found, nodes)
 
 
-def _density(found: Located, spacing: str) -> densities.Density:
+def _density(found: Placed, spacing: str) -> densities.Density:
     if spacing == "equal":
         return densities.even()
     edges = found.clay.edges[:, 0]
@@ -164,7 +160,7 @@ def _density(found: Located, spacing: str) -> densities.Density:
     )
 
 
-def pose_on_host(found: Located, slices: Any, spacing: str, answer: Any = None) -> Problem:
+def pose_on_host(found: Placed, slices: Any, spacing: str, answer: Any = None) -> Problem:
     """The problem with nodes by the rest shape, or by an answer on fewer slices.
 
     Raises
@@ -200,7 +196,7 @@ def pose_on_host(found: Located, slices: Any, spacing: str, answer: Any = None) 
     return problem_of(found, layout.spread(pieces, tool, None, total, density, marks))
 
 
-def _by_counts(found: Located, counts: tuple[int, int, int], spacing: str) -> np.ndarray:
+def _by_counts(found: Placed, counts: tuple[int, int, int], spacing: str) -> np.ndarray:
     pieces, tool = layout.stretches(found.clay, found.band, _NOWHERE)
     sides = (found.band.lower > 0, True, found.band.upper < 1)
     for count, there, name in zip(counts, sides, ("below", "under", "above"), strict=True):
@@ -212,7 +208,7 @@ def _by_counts(found: Located, counts: tuple[int, int, int], spacing: str) -> np
     return layout.spread(pieces, tool, wanted, sum(counts), density, np.zeros(0))
 
 
-def expected_rest(found: Located) -> tuple[float, float]:
+def expected_rest(found: Placed) -> tuple[float, float]:
     """Material below and above which clay should rest, by the sliced cylinder model."""
     rest, band = found.rest, found.band
     slices = Rest(rest.thickness, rest.heights, found.r0, rest.nodes)
@@ -221,7 +217,7 @@ def expected_rest(found: Located) -> tuple[float, float]:
     return float(band.lower - spare[0]), float(band.upper + spare[1])
 
 
-def found_rest(found: Located, answer: Any) -> tuple[float, float]:
+def found_rest(found: Placed, answer: Any) -> tuple[float, float]:
     """Material below and above which clay rests in an answer, with a slice to spare."""
     u, moves = answer.problem.rest.material, np.asarray(answer.point.shift) != 0
     moving = np.flatnonzero(moves)

@@ -16,7 +16,7 @@ from jaxclay.numerics.host import check_float64, compiled, in_float64, is_concre
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_shape
-from jaxclay.schemes.slices.posing import located, pose_on_host, pose_traced
+from jaxclay.schemes.slices.posing import place, pose_on_host, pose_traced
 from jaxclay.schemes.slices.weights import band_terms
 from jaxclay.schemes.spline import mesh
 from jaxclay.schemes.spline.bspline import gauss_points
@@ -45,7 +45,7 @@ def posed(
     check_whole("elements", elements, 1)
     slices = max(clay.slices, _SLICES)
     if is_concrete(clay, squash, material):
-        found = located(clay, squash, material)
+        found = place(clay, squash, material)
         sliced, rest = pose_on_host(found, slices, "placed"), found.rest
     else:
         check_float64("pose")
