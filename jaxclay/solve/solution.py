@@ -86,7 +86,8 @@ _MEANING = {
     "another method, a finer step or a tighter tolerance may go on from it",
     Status.ITERATION_LIMIT: "the iteration limit came first; raise max_iterations or start nearer",
     Status.NON_FINITE: "the energy or the step became infinite or not a number; the last finite "
-    "shape is kept. Check the material's constants against the clay's size",
+    "shape is kept. Check the material's constants against the clay's size, and that the method "
+    "keeps thicknesses positive",
     Status.UNRESOLVED: "so many slices that float64 cannot resolve the bending term: rounding "
     "hides how softly the clay gives way",
     Status.INFEASIBLE: "no shape obeys the lower bound of thickness: the held end leaves too "
