@@ -115,7 +115,7 @@ def test_the_report_needs_no_network_and_shows_every_map(mapped):
         (Status.CONVERGED, float("nan"), Mark.SOLVED),
         (Status.CONVERGED, 1e-4, Mark.WRONG),
         (Status.STALLED, 1e-12, Mark.STALLED),
-        (Status.ITERATION_LIMIT, 0.1, Mark.OUT_OF_TIME),
+        (Status.ITERATION_LIMIT, 0.1, Mark.ITERATION_LIMIT),
         (Status.NON_FINITE, 0.1, Mark.NON_FINITE),
         (Status.INFEASIBLE, 0.0, Mark.REFUSED),
         (Status.UNRESOLVED, 0.0, Mark.REFUSED),
@@ -128,7 +128,9 @@ def test_marks_follow_the_status_and_the_lowest_certified_answer(status, gap, ma
 
 
 def test_every_status_has_a_mark_and_every_mark_a_symbol_and_colour_of_its_own():
-    assert {mark_of(str(status), 0.0) for status in Status} | {Mark.WRONG} == set(Mark)
+    assert {mark_of(str(status), 0.0) for status in Status} | {Mark.WRONG, Mark.OUT_OF_TIME} == set(
+        Mark
+    )
     assert len({m.symbol for m in Mark}) == len({m.colour for m in Mark}) == len(Mark)
 
 

@@ -14,7 +14,8 @@ class Mark(enum.Enum):
 
     SOLVED = "✓", "#0072B2", "certified, and the certified answer of another method lies no lower"
     STALLED = "s", "#E69F00", "the method stopped by its own rule where the certificate refuses"
-    OUT_OF_TIME = "t", "#F5D9A0", "still going on when its time or its iterations were over"
+    OUT_OF_TIME = "t", "#F5D9A0", "still going on when its time was over"
+    ITERATION_LIMIT = "i", "#D9C58B", "still going on when its iterations were used up"
     REFUSED = "r", "#B0B0B0", "no answer, and the message says why"
     NON_FINITE = "∞", "#CC79A7", "energy or step became infinite or not a number"
     WRONG = "X", "#000000", "called converged, but a certified minimum lies lower"
@@ -29,7 +30,7 @@ class Mark(enum.Enum):
 _OF_STATUS = {
     "converged": Mark.SOLVED,
     "stalled": Mark.STALLED,
-    "iteration limit": Mark.OUT_OF_TIME,
+    "iteration limit": Mark.ITERATION_LIMIT,
     "out of time": Mark.OUT_OF_TIME,
     "non-finite": Mark.NON_FINITE,
     "infeasible": Mark.REFUSED,
