@@ -26,7 +26,7 @@ from jaxclay.experiments.engine import Work, in_words
 from jaxclay.experiments.entries.tables import Experiment
 
 _MISSING = 1
-_WIDE = 150  # columns where there is no terminal
+_WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
 
 
 def sweep(
@@ -82,12 +82,11 @@ def shown(
     every = prepared(table(folder))
     every = select(every, every.key.isin(list(keys)))
     console = plain_console()
-    if not console.is_terminal:
-        console.width = _WIDE
     if rows:
-        view = summary.printed("every row", map(summary.cells, records(every)), summary.ROWS)
-        wide = console.width if console.is_terminal else console.measure(view).maximum
-        console.print(view, width=wide)
+        console.width = console.width if console.is_terminal else _ENDLESS
+        lines = map(summary.cells, records(every))
+        console.print(summary.printed("every row", lines, summary.ROWS))
+    console.width = console.width if console.is_terminal else _WIDE
     console.print(summary.printed(f"jaxclay {edited.name}", summary.summary(every)))
     for reason, count in summary.refusals(every).items():
         console.print(f"refused {count} times: {reason}", highlight=False, soft_wrap=True)

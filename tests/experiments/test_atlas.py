@@ -157,7 +157,7 @@ name = "greedy-refined"
 [[parts]]
 coarse_to_fine = true
 scenes = [{ names = ["reference"] }]
-discretisations = [{ scheme = "paper", slices = [8, 16, 32] }]
+discretisations = [{ scheme = "paper", slices = [32, 48, 64] }]
 """
 
 
