@@ -12,7 +12,7 @@ from types import ModuleType
 
 MODULES = {
     "arrays": "numerics.arrays",
-    "atlas": "experiments.atlas",
+    "atlas": "experiments",
     "band": "model.band",
     "banded": "numerics.banded",
     "banded_newton": "numerics.banded_newton",
@@ -20,7 +20,7 @@ MODULES = {
     "certificate": "solve.certificate",
     "certified_newton": "solve.certified_newton",
     "checks": "numerics.checks",
-    "compare": "experiments.compare",
+    "compare": "experiments",
     "compilations": "numerics.compilations",
     "contour": "clay.contour",
     "deform_command": "cli.deform",
@@ -48,7 +48,9 @@ MODULES = {
     "squash": "model.squash",
     "start": "solve.start",
     "svg": "files.svg",
-    "sweep": "experiments.sweep",
+    "sweep": "experiments",
+    "sweep.tables": "experiments.entries.tables",
+    "sweep.columns": "experiments.columns",
     "system": "schemes.system",
     "tables": "files.tables",
 }

@@ -1,5 +1,9 @@
 import contextlib
+import os
 from pathlib import Path
+
+# As the command line and its workers have it; JAX reads it when it starts, and keys name it.
+os.environ.setdefault("NPROC", "1")
 
 import pytest
 import shapes  # noqa: F401 (before the package)
@@ -24,9 +28,7 @@ def own_lock(tmp_path_factory):
     """Other timing runs on the machine, such as those of other tests, do not stop these."""
     with pytest.MonkeyPatch.context() as patch:
         with contextlib.suppress(ImportError):
-            patch.setattr(
-                "jaxclay.experiments.sweep.timing.LOCKS", tmp_path_factory.mktemp("locks")
-            )
+            patch.setattr("jaxclay.experiments.machine.LOCKS", tmp_path_factory.mktemp("locks"))
         yield
 
 

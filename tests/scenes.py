@@ -14,6 +14,11 @@ SNAKE = jaxclay.Material.from_snake_units()
 PRINTED = jaxclay.Material()
 
 
+def squash_by(displacement):
+    """From the ground to 0.6, such that the clay above moves up by so much, over l."""
+    return jaxclay.Squash(0.0, 0.6, 0.5 * (1 - displacement / 0.6) ** 0.5)
+
+
 def piece(slopes, r0=0.5):
     """Clay of unit height whose Y0_u on its slices is proportional to ``slopes``."""
     thickness = np.asarray(slopes, float) / np.sum(slopes)

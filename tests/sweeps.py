@@ -25,7 +25,7 @@ TEXT = GREEDY + '[[methods]]\nname = "greedy-refined"\n'
 COUNT = 24
 # Two tasks a file, so that there are many moments between two of them.
 COMMAND = (
-    "import sys; from jaxclay.experiments.sweep import estimate; estimate.MOST = 2;"
+    "import sys; from jaxclay.experiments import estimate; estimate.MOST = 2;"
     "from jaxclay.cli.main import entry; sys.argv[0] = 'jaxclay';"
     "entry() if __name__ == '__main__' else None"
 )
@@ -63,7 +63,7 @@ def read(tmp_path):
     def from_text(text, **more):
         path = tmp_path / "one.toml"
         path.write_text(text)
-        from jaxclay.experiments.sweep.experiment import read_experiment  # of an extra
+        from jaxclay.experiments.entries.reading import read_experiment  # of an extra
 
         return read_experiment(path, **more)
 

@@ -8,14 +8,10 @@ import os
 import signal
 import sys
 import traceback
-from pathlib import Path
 
-from jaxclay.cli.deform import add_minimum_radius
 from jaxclay.cli.deform import add_to as add_deform
-from jaxclay.experiments.atlas.options import add_to as add_atlas
-from jaxclay.experiments.sweep.options import add_to as add_sweep
+from jaxclay.experiments.options import add_to as add_experiments
 from jaxclay.files.output import patient_output
-from jaxclay.methods import METHODS
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.compilations import keep_compilations
 from jaxclay.version import __version__
@@ -89,58 +85,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="jaxclay", description=_ABOUT)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(dest="command", required=True)
-    _add_compare(commands)
-    add_atlas(commands, check_interrupt)
+    add_experiments(commands, check_interrupt)
     add_deform(commands, check_interrupt)
-    add_sweep(commands, check_interrupt)
     return parser
-
-
-def _add_compare(commands) -> None:
-    from jaxclay.experiments.compare.peers import PEERS
-    from jaxclay.experiments.compare.plan import DEFAULT_METHODS
-
-    others = [name for name in METHODS if name not in DEFAULT_METHODS]
-    compare = commands.add_parser(
-        "compare",
-        help="methods side by side on many scenes: table, charts, report",
-        description="Run scenes x methods x slices of the paper's scheme; print a table; write "
-        "results, report, charts.",
-    )
-    compare.add_argument("--out", type=Path, default=Path("out/compare"), help="output folder")
-    compare.add_argument("--scenes", nargs="+", metavar="NAME", help="only these scenes")
-    compare.add_argument(
-        "--methods", nargs="+", metavar="NAME",
-        help=f"only these methods (default {', '.join(DEFAULT_METHODS)}; also {', '.join(others)})",
-    )  # fmt: skip
-    compare.add_argument(
-        "--peers", nargs="*", metavar="NAME",
-        help="established solvers from outside as well, and E_move alone: those named, or all of "
-        f"{', '.join(PEERS)} (pip install 'jaxclay[peers]')",
-    )  # fmt: skip
-    compare.add_argument(
-        "--slices", nargs="+", type=int, metavar="N", help="grids of the table (default 64 128)"
-    )
-    compare.add_argument("--profiles", type=Path, metavar="FOLDER", help="add every CSV in FOLDER")
-    compare.add_argument("--quick", action="store_true", help="few scenes, 64 slices, few repeats")
-    add_minimum_radius(compare)
-    compare.set_defaults(run=_compare)
-
-
-def _compare(options: argparse.Namespace) -> int:
-    from jaxclay.experiments.compare.command import compare
-
-    return compare(
-        out=options.out,
-        scenes=options.scenes,
-        methods=options.methods,
-        slices=options.slices,
-        profiles=options.profiles,
-        quick=options.quick,
-        minimum_radius=options.minimum_radius,
-        peers=options.peers,
-        interrupt=check_interrupt,
-    )
 
 
 if __name__ == "__main__":

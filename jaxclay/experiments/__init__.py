@@ -1,10 +1,17 @@
-"""Experiments over many scenes (extras ``compare`` and ``sweep``).
+"""One engine for all experiments: a TOML file in; results, charts and a report out.
 
-    compare   methods side by side on named scenes: table, charts, report
-    atlas     which method solves which scene, and how the others fail
-    sweep     one TOML file in; results, charts and a report out: :func:`run`, :func:`load`
+    file --entries--> Task --solving--> row --store--> parquet files --load--> charts, report
 
-They may import every room but ``cli``, and pandas, pyarrow, rich, pydantic and dask late.
+``jaxclay compare``, ``atlas``, ``sweep`` and ``agree`` are short ways to run files of the folder
+``packaged``; :func:`run` and :func:`load` are the ways from Python (extra ``sweep``).
+
+``entries``: what a file may say, and the tasks that it asks for.  ``solving``: a task to a row, by
+one clock.  ``contestants``: methods, and ``peers`` from outside, behind one call.  ``engine``,
+``backends``, ``store``, ``machine``: where tasks run and results are kept.  ``charts``,
+``summary``, ``report``: what is read.  ``scenes``: the named ones.  ``editing``, ``command``,
+``options``, ``progress``: the commands.
+
+It may import every room but ``cli``; pandas, pyarrow, rich, pydantic and dask late.
 """
 
 from __future__ import annotations
@@ -30,12 +37,12 @@ def run(
     Parameters
     ----------
     experiment : str or path
-        TOML file; :mod:`jaxclay.experiments.sweep.tables` lists its keys.
+        TOML file; :mod:`jaxclay.experiments.entries.tables` lists its keys.
     out : str or path
         Folder that keeps the results; a run that was stopped goes on there.
     backend : str
-        "serial", "processes" or "dask".  With "processes" a script has to guard what it runs by
-        ``if __name__ == "__main__"``, as each process reads it too.
+        "serial", or "processes" or "dask", in a process a core, where a script has to guard what
+        it runs by ``if __name__ == "__main__"``, as each process reads it too.
     scheduler : str, optional
         Address of an existing dask scheduler; if not given, a cluster here.
     profiles : str or path, optional
@@ -55,14 +62,15 @@ def run(
     RuntimeError
         A worker died; what had been solved is kept.  Another timing run is under way.
     """
-    from jaxclay.experiments.sweep import engine
-    from jaxclay.experiments.sweep.experiment import experiment_path, read_experiment
-    from jaxclay.experiments.sweep.store import keep_experiment
+    from jaxclay.experiments import engine
+    from jaxclay.experiments.editing import of_file
+    from jaxclay.experiments.store import keep_experiment
 
-    whole = read_experiment(experiment, profiles)
-    engine.check_backend(whole, backend, scheduler)
-    keep_experiment(Path(out), experiment_path(experiment))
-    engine.run(whole, Path(out), backend, scheduler)
+    found = of_file(experiment, profiles)
+    engine.check_backend(found.experiment, backend, scheduler)
+    if engine.work(found.experiment, Path(out), backend).missing:
+        keep_experiment(Path(out), found.name, found.text)
+    engine.run(found.experiment, Path(out), backend, scheduler)
     return load(out)
 
 
@@ -79,14 +87,14 @@ def load(folder: str | Path) -> pandas.DataFrame:
     pandas.DataFrame
         A row for each task that is done, each once.  ``frame.attrs["units"]`` says of every
         column what it is and in which unit; so does
-        :data:`jaxclay.experiments.sweep.columns.COLUMNS`.
+        :data:`jaxclay.experiments.columns.COLUMNS`.
 
     Raises
     ------
     ValueError
         There are no results in the folder.
     """
-    from jaxclay.experiments.sweep.load import table
+    from jaxclay.experiments.results import table
 
     return table(folder)
 
@@ -98,15 +106,16 @@ def load_curves(folder: str | Path) -> xarray.Dataset:
     -------
     xarray.Dataset
         ``contour_height`` and ``contour_radius`` (task, point), in the clay's length unit from
-        bottom to top; ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy``
-        (task, stop) of methods with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and
-        methods are coordinates of the dimension task.
+        bottom to top, and of timing runs the same ``before`` the squash and at the ``start``;
+        ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy`` (task, stop) of methods
+        with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and methods are coordinates
+        of the dimension task.
 
     Raises
     ------
     ValueError
         There are no results in the folder.
     """
-    from jaxclay.experiments.sweep.load import curves
+    from jaxclay.experiments.results import curves
 
     return curves(folder)

@@ -11,11 +11,11 @@ import numpy as np
 from bounds import Part, at_least, at_most, table
 from clocks import banded_solve, compilations, each, medians, spread
 from slices_scenes import Scene, population
+from solves import compiled_call
 
 import jaxclay
 from jaxclay import Clay, Material, Squash
-from jaxclay.experiments.compare.peers import prepare
-from jaxclay.experiments.compare.solves import compiled_call
+from jaxclay.experiments.peers import prepare
 from jaxclay.methods.loop import initial_guess
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.schemes.problem import Problem

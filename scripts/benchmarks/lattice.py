@@ -25,7 +25,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 import jaxclay
-from jaxclay.experiments.compare.scenes import Scene, packaged_scenes
+from jaxclay.experiments.scenes import Scene, packaged_scenes
 from jaxclay.methods.lattice import best_on_lattice, label_steps
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.numerics.host import compiled, in_float64

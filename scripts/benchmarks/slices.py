@@ -19,10 +19,10 @@ import jax
 import numpy as np
 from bounds import Bound, Part, run, table
 from slices_scenes import FLARED, MATERIALS, population, session
+from solves import compiled_call
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, contour_error, deform
-from jaxclay.experiments.compare.solves import compiled_call
 
 
 class Effort(NamedTuple):

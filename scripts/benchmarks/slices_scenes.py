@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import population as random
 
 from jaxclay import Clay, Material, Squash, Status, deform
-from jaxclay.experiments.compare import population as random
 
 SQUASHES = 20  # of a session
 FLARED = 2.0  # times the first radius: lips beyond that are listed apart

@@ -26,14 +26,13 @@ import jax
 import numpy as np
 from bounds import Bound, table, verdict
 from rich.console import Console
+from solves import on_device
 from threadpoolctl import threadpool_limits
 from throughput_scenes import WAYS, scenes
 
 import jaxclay
-from jaxclay.experiments.compare.solves import on_device
-from jaxclay.experiments.sweep.backends import cores, one_thread
-from jaxclay.experiments.sweep.batched import CAPACITY, stack
-from jaxclay.experiments.sweep.timing import pinned
+from jaxclay.experiments.machine import cores, one_thread, pinned
+from jaxclay.experiments.solving.batched import CAPACITY, stack
 from jaxclay.numerics.host import Compiled
 
 _SINGLE = 400  # calls that are timed one after the other

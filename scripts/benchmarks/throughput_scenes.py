@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from population import population
+
 import jaxclay
-from jaxclay.experiments.compare.population import population
 
 _SLICES = 64
 _TOLERANCE = 1e-4

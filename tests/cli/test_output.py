@@ -1,7 +1,6 @@
 """Results are saved before anything is printed, and who reads the output may stop reading."""
 
 import contextlib
-import dataclasses
 import io
 import os
 import shutil
@@ -13,12 +12,11 @@ import pytest
 
 import jaxclay
 from jaxclay.cli.main import main
+from jaxclay.experiments.entries.reading import raw_experiment
 
 for name in ("pandas", "pydantic", "rich"):
     pytest.importorskip(name)
 pytest.importorskip("matplotlib").use("Agg")
-
-from jaxclay.experiments.compare.command import make_plan  # noqa: E402
 
 DEFORM = ["deform", "bowl", "--squash", "0:0.1:0.2", "--slices", "16"]
 BOTTLE = "height,radius\n" + "".join(f"{y},{4 - y / 10}\n" for y in np.linspace(0, 20, 21))
@@ -40,21 +38,21 @@ def own_cache(tmp_path_factory):
         yield
 
 
-def plain(*arguments):
-    """The plan without other grids and ladders, which take long."""
-    whole = make_plan(*arguments)
-    return dataclasses.replace(whole, on_grids=frozenset(), on_ladders=frozenset())
+def small(name):
+    """A packaged experiment of one scene, one method and one part: others take long."""
+    raw = raw_experiment(name)
+    part = raw["parts"][0]
+    if name.startswith("atlas"):
+        part["scenes"][0]["squash"]["displacement"] = 0.1
+        part["scenes"][0]["material"]["mu"] = 1.0
+        return raw | {"parts": [part]}
+    return raw | {"parts": [part, raw["parts"][1]]}
 
 
 @pytest.fixture
 def commands(tmp_path, whole, experiment, monkeypatch):
     """Each command and the file that must be there when it has ended."""
-    from jaxclay.experiments.atlas import command
-    from jaxclay.experiments.atlas.sweeps import Grids
-
-    tiny = Grids((0.1,), (1.0,), (1.0,), (1.0,), (64,), ())
-    monkeypatch.setattr(command, "QUICK", tiny)
-    monkeypatch.setattr("jaxclay.experiments.compare.command.make_plan", plain)
+    monkeypatch.setattr("jaxclay.experiments.editing.raw_experiment", small)
     swept, out, shape = tmp_path / "swept", tmp_path / "out", tmp_path / "shape.csv"
     shutil.copytree(whole, swept)
     (tmp_path / "agree.toml").write_text(AGREE)
@@ -121,12 +119,12 @@ def test_deform_names_any_file_on_an_ascii_terminal(tmp_path):
 
 
 def test_compare_names_any_profile_on_an_ascii_terminal(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxclay.experiments.compare.command.make_plan", plain)
+    monkeypatch.setattr("jaxclay.experiments.editing.raw_experiment", small)
     folder, out = tmp_path / "profiles", tmp_path / "out"
     folder.mkdir()
     (folder / "Gefäß.csv").write_text(BOTTLE)
     arguments = ["--quick", "--scenes", "Gefäß-middle", "--methods", "newton", "--out", str(out)]
-    said = on_ascii(["compare", "--profiles", str(folder), *arguments])
+    said = on_ascii(["compare", "--rows", "--profiles", str(folder), *arguments])
     assert r"Gef\xe4\xdf-middle" in said
     assert "Gefäß-middle" in (out / "report.html").read_text(encoding="utf-8")
 

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("pydantic")
 
 from jaxclay.cli.main import main
-from jaxclay.experiments.sweep.agree import agreement
-from jaxclay.experiments.sweep.tables import AgreeTable
+from jaxclay.experiments.agree import agreement
+from jaxclay.experiments.entries.tables import AgreeTable
 
 TEXT = """\
 kind = "throughput"

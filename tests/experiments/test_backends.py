@@ -14,10 +14,9 @@ pytest.importorskip("distributed")
 
 from sweeps import GREEDY
 
-from jaxclay.experiments import load, run
-from jaxclay.experiments.sweep import backends, engine, estimate
-from jaxclay.experiments.sweep.experiment import read_experiment
-from jaxclay.experiments.sweep.tasks import identity
+from jaxclay.experiments import backends, engine, estimate, load, machine, run
+from jaxclay.experiments.entries.reading import read_experiment
+from jaxclay.experiments.entries.tasks import identity
 
 COUNT = 12
 
@@ -29,7 +28,7 @@ def experiment(tmp_path_factory):
     path.write_text(GREEDY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "MOST", 2)
-        before = {name: getattr(jax.config, name) for name in backends.KEPT_SETTINGS}
+        before = {name: getattr(jax.config, name) for name in machine.KEPT_SETTINGS}
         for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
             jax.config.update(name, value)
         yield path
@@ -65,7 +64,7 @@ def killer(victims):
 def with_dask(serial, experiment, tmp_path_factory):
     """A run on a local cluster one worker of which is killed."""
     out, victims = tmp_path_factory.mktemp("dask"), []
-    engine.run(read_experiment(experiment), out, "dask", tell=killer(victims))
+    engine.run(read_experiment(experiment), out, "dask", callback=killer(victims))
     return load(out), victims
 
 
@@ -76,7 +75,7 @@ def test_a_worker_that_dies_under_dask_is_replaced_and_nothing_is_lost(with_dask
 
 
 def test_workers_have_one_thread_each_and_the_same_compilations():
-    variables = backends.one_thread()
+    variables = machine.one_thread()
     threads = "NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
     assert {variables[name] for name in threads} == {"1"}
     assert variables["JAX_COMPILATION_CACHE_DIR"] == jax.config.jax_compilation_cache_dir
@@ -92,10 +91,18 @@ def test_processes_are_spawned_on_a_core_each_and_agree(serial, experiment, tmp_
     assert dict(os.environ) == before
 
 
-def test_a_process_that_dies_is_said_and_what_ended_is_kept(serial, experiment, tmp_path):
-    with pytest.raises(RuntimeError, match="a worker process died"):
-        engine.run(read_experiment(experiment), tmp_path, "processes", tell=killer([]))
-    assert 0 < len(load(tmp_path)) < COUNT
+def deadly(batch, wanted):
+    """What kills every worker that it is given to."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_processes_that_die_again_and_again_are_said_and_what_ended_is_kept(
+    serial, experiment, tmp_path, monkeypatch
+):
+    with monkeypatch.context() as patch:
+        patch.setattr(backends, "solve_in_worker", deadly)
+        with pytest.raises(RuntimeError, match="a worker process died again and again"):
+            engine.run(read_experiment(experiment), tmp_path, "processes")
     assert_same(run(experiment, tmp_path), serial)
 
 
@@ -109,7 +116,7 @@ def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
-                      env=backends.one_thread(), silence_logs=50) as cluster:  # fmt: skip
+                      env=machine.one_thread(), silence_logs=50) as cluster:  # fmt: skip
         address = cluster.scheduler_address
         table = run(experiment, tmp_path, backend="dask", scheduler=address)
         assert table.process.nunique() == 1

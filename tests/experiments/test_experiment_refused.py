@@ -6,7 +6,7 @@ pytest.importorskip("pydantic")
 
 from test_experiment import SMALL, drawn
 
-from jaxclay.experiments.sweep.experiment import read_experiment
+from jaxclay.experiments.entries.reading import read_experiment
 
 KIND = 'kind = "throughput"'
 SLICES = "slices = [8, 16]"
@@ -22,20 +22,20 @@ HUGE = "100000000000000000000"  # beyond 64 bits
 
 REFUSED = {
     (KIND, 'kind = "both"'): r"line 1: kind: .*'throughput' or 'timing'.*both",
-    (KIND, KIND + "\nrepeats = 3"): "line 2: repeats: repeats belong to",
+    (KIND, KIND + "\nrepeats = 3"): "line 2: repeats: belongs to kind = \"timing\"",
     (KIND, KIND + '\nseed = "1"'): "line 2: seed: .*integer, got '1'",
     (KIND, KIND + "\nseed = true"): "line 2: seed: .*integer, got True",
     (KIND, KIND + "\nagree.energy = true"): "line 2: agree.energy: .*number, got True",
     (KIND, KIND + "\nagree = { energy = 1, contour = 2 }"): "line 2: agree.contour: .*got 2",
     (KIND, KIND + "\nelements = [8]"): "line 2: elements: without a method of scheme",
-    (KIND, KIND + "\ntolerances = [1e-3]"): "line 2: tolerances: belong to kind = ",
+    (KIND, KIND + "\ntolerances = [1e-3]"): "line 2: tolerances: belong to newton with",
     (SLICES, "slices = []"): "line 2: slices: an empty list",
     (SLICES, "slices = [4]"): "line 2: slices: 4 is not .* between 8 and 4096",
     (SLICES, "slices = 8.5"): "line 2: slices: 8.5 is not a whole number between 8 and 4096",
     (SLICES, f"slices = {HUGE}"): r"line 2: slices: 1e\+20 is not .* between 8 and 4096",
     (SLICES, "slices = 1" + "0" * 5000): "one.toml: .*digits",
     (SLICES, "slices = [8, 16"): "one.toml: .*line 4",
-    (SLICES, "colour = 1"): "line 2: colour: unknown key: choose from kind, seed",
+    (SLICES, "colour = 1"): "line 2: colour: unknown key: choose from .*kind, seed",
     (RADIUS, "radius = -1"): "line 5: scenes.cylinders.radius: -1 .* above 0",
     (RADIUS, "radius = { uniform = [1, 2] }"): "line 5: scenes.cylinders.radius: .*must be drawn",
     (RADIUS + " }", RADIUS + " }\ndraws = 2.0"): "line 6: scenes.draws: .*integer, got 2.0",
@@ -58,8 +58,8 @@ REFUSED = {
         "line 9: scenes.squash.ratio: 99 is"
     ),
     (RATIO, "'ratio' = '''\n[[scenes]]\nratio = 0'''"): "line 6: scenes.squash.ratio: .* is not",
-    (UNITS, '["miles"]'): "line 7: .*'snake' or 'printed'.*miles",
-    (PIECES, 'names = ["fig7"]\nunits = ["printed"]'): "line 6: scenes.units: .*fig7 .* in snake",
+    (UNITS, '["miles"]'): "line 7: .*'snake', 'printed' or 'move'.*miles",
+    (PIECES, 'names = ["fig7"]\nunits = ["printed"]'): "line 6: scenes.units: .*fig7 .* in move",
     (PIECES, 'names = [\n"fig7",\n"fig99"]'): "line 7: scenes.names: .*'fig99': choose .*fig7",
     (PIECES, 'names = ["fig7"]\nmaterial = {}'): "line 6: scenes.material: .*beside names",
     ('"newton"', '"magic"'): "line 10: methods.name: unknown method 'magic'.*greedy",
@@ -67,11 +67,11 @@ REFUSED = {
     (TOLERANCE, "speed = 9"): "line 11: .*no setting 'speed': it takes",
     (TOLERANCE, "max_iterations = 1.5"): "line 11: .*max_iterations: 1.5 is not a whole number",
     (TOLERANCE, "tolerance = { uniform = [0.1, 0.2] }"): "line 11: .*tolerance: cannot be drawn",
-    (SETTINGS, SETTINGS + '\nschemes = ["spline"]'): "line 11: .*takes elements, no settings",
+    (SETTINGS, SETTINGS + '\nschemes = ["spline"]'): "line 12: methods.schemes: .*without elements",
     (SETTINGS, SETTINGS + "\nstops = [1]"): "line 12: methods.stops: .*beside several settings",
     (SETTINGS, 'schemes = ["spline"]'): "line 11: methods.schemes: .*give elements = ",
     (GREEDY, GREEDY + '\nschemes = ["spline"]'): "line 15: methods.schemes: .*takes newton",
-    (GREEDY, GREEDY + "\nstops = [1]"): 'line 15: methods.stops: stops belong to kind = "timing"',
+    (GREEDY, GREEDY + "\nstops = [1]"): 'line 15: methods.stops: belongs to kind = "timing"',
     (GREEDY, GREEDY + "\n[methods.settings]\nthreshold = 1\nstep = 2"): "line 17: .*step: .*got 2",
     (GREEDY, 'name = "greedy-refined"\nsettings = { smallest_step = 2e-3, step = 1e-3 }'): (
         "line 15: methods.settings: smallest_step must be .* 0.001, got 0.002"

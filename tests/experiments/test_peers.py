@@ -9,13 +9,14 @@ from scenes import MIDDLE, REFERENCE, SNAKE, cylinder_problem
 
 import jaxclay
 from jaxclay.cli.main import main
-from jaxclay.experiments.compare import report, results
-from jaxclay.experiments.compare.peers import PEERS, prepare, with_scipy
-from jaxclay.experiments.compare.plan import Plan
-from jaxclay.experiments.compare.runner import run
-from jaxclay.experiments.compare.scenes import NAMED, with_move
+from jaxclay.experiments import run
+from jaxclay.experiments.peers import PEERS, prepare
 
 pytest.importorskip("matplotlib").use("Agg")
+pytest.importorskip("pydantic")
+
+from jaxclay.experiments import summary  # noqa: E402
+from jaxclay.experiments.charts.series import prepared  # noqa: E402
 
 SMOOTH = [name for name, peer in PEERS.items() if not peer.move_only]
 CONVEX = [name for name, peer in PEERS.items() if peer.move_only]
@@ -30,22 +31,27 @@ def one_thread():
         yield
 
 
+COMPARED = """\
+kind = "timing"
+repeats = 3
+scenes = [{ names = ["reference"], units = ["snake", "printed", "move"] }]
+discretisations = [{ scheme = "paper", slices = 32 }]
+methods = [{ name = "newton" }, { name = "ipopt" }, { name = "clarabel" }, { name = "piqp" }]
+
+[[parts]]
+
+[[parts]]
+ladder = true
+scenes = [{ names = ["reference"] }]
+"""
+
+
 @pytest.fixture(scope="module")
-def compared():
+def compared(tmp_path_factory):
     """The reference scene on 32 slices, newton against three peers, ladders included."""
-    plan = Plan(
-        scenes=[with_move(NAMED["reference"])],
-        methods=["newton"],
-        peers=["ipopt", "clarabel", "piqp"],
-        slices=[32],
-        grids=[],
-        finest=32,
-        on_grids=frozenset(),
-        on_ladders=frozenset({"reference"}),
-        repeats=3,
-    )
-    rows, overlays = zip(*run(plan), strict=True)
-    return results.frame(list(rows)), [overlay for overlay in overlays if overlay]
+    folder = tmp_path_factory.mktemp("peers")
+    (folder / "peers.toml").write_text(COMPARED)
+    return run(folder / "peers.toml", folder / "out"), folder / "out"
 
 
 def posed(squash, mu=1.0, alpha=0.0, beta=0.0):
@@ -110,25 +116,23 @@ def test_ipopt_and_newton_find_the_same_certified_minimum(scene):
     + [("scipy-lbfgsb", "snake", place) for place in ("bottom", "middle")]
     + [(name, "move", place) for name in CONVEX for place in ("bottom", "middle")],
 )
-def test_peers_find_newtons_minimum_on_slices_of_unequal_volume(name, units, place, monkeypatch):
-    # Seconds that a busy machine takes are not what is looked at.
-    monkeypatch.setattr(with_scipy, "SECONDS", 60.0)
+def test_peers_find_newtons_minimum_on_slices_of_unequal_volume(name, units, place):
     problem = PLACED[place, units]
     assert np.ptp(problem.sums.width) > 0.05
     newton = jaxclay.minimize(problem).raise_for_status()
-    peer = answer(name, problem).raise_for_status()
+    # Seconds that a busy machine takes are not what is looked at.
+    peer = answer(name, problem, seconds=60.0).raise_for_status()
     gap = float(peer.energy - newton.energy) / float(newton.certificate.energy_free)
     assert abs(gap) < (1e-11 if units == "move" else 2e-10)
     np.testing.assert_allclose(peer.heights, newton.heights, atol=1e-6)
 
 
 @pytest.mark.parametrize("place", ["bottom", "middle"])
-def test_trust_constr_ends_beside_newtons_minimum_on_slices_of_unequal_volume(place, monkeypatch):
+def test_trust_constr_ends_beside_newtons_minimum_on_slices_of_unequal_volume(place):
     """By a rule of its own, where the certificate begins to refuse: rounding decides which."""
-    monkeypatch.setattr(with_scipy, "SECONDS", 60.0)
     problem = PLACED[place, "snake"]
     newton = jaxclay.minimize(problem).raise_for_status()
-    peer = answer("scipy-trust-constr", problem)
+    peer = answer("scipy-trust-constr", problem, seconds=60.0)
     assert peer.status in (jaxclay.Status.CONVERGED, jaxclay.Status.STALLED)
     gap = float(peer.energy - newton.energy) / float(newton.certificate.energy_free)
     assert -1e-11 < gap < 1e-8
@@ -166,9 +170,9 @@ def test_an_answer_below_the_floor_is_refused():
 
 
 @pytest.mark.parametrize("name", ["scipy-lbfgsb", "scipy-trust-constr"])
-def test_time_that_has_run_out_counts_as_a_limit(name, monkeypatch):
-    monkeypatch.setattr(with_scipy, "SECONDS", 0.0)
-    assert answer(name, SHAPES["snake units"]).status is jaxclay.Status.ITERATION_LIMIT
+def test_time_that_has_run_out_counts_as_a_limit(name):
+    late = answer(name, SHAPES["snake units"], seconds=0.0)
+    assert late.status is jaxclay.Status.ITERATION_LIMIT
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -209,41 +213,53 @@ def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, capfd):
 
 
 def test_a_comparison_shows_peers_beside_methods(compared):
-    table, overlays = compared
-    rows = results.answers(table).set_index(["units", "method"])
-    assert list(rows.loc["snake"].index) == ["newton", "ipopt"]
-    assert list(rows.loc["move"].index) == ["newton", "ipopt", "clarabel", "piqp"]
+    table, _ = compared
+    own = table[(table.settings == "") & (table.status != "skipped")]
+    rows = own.set_index(["units", "method"]).sort_index()
+    assert set(rows.loc["snake"].index) == {"newton", "ipopt"}
+    assert set(rows.loc["move"].index) == {"newton", "ipopt", "clarabel", "piqp"}
     assert set(rows.status) == {"converged"}
     assert (rows.compile_s > 0).all()
-    assert (abs(rows.gap_relative) < 1e-10).all()
-    assert {overlay.units for overlay in overlays} == {"snake", "printed", "move"}
+    assert (abs(rows.gap_relative.dropna()) < 1e-10).all()
+    assert (rows.gap_relative.notna() | (rows.index.get_level_values("method") == "newton")).all()
+    assert own.packages[own.method == "ipopt"].str.startswith("casadi ").all()
 
 
 def test_refused_scenes_are_counted_with_the_reason(compared):
-    lines = results.skipped(compared[0])
-    assert lines == [
-        f"{name} on 2 scenes and grids: it solves E_move alone: alpha and beta must be 0"
-        for name in ("clarabel", "piqp")
-    ]
+    table, _ = compared
+    refused = table[(table.status == "skipped") & (table.settings == "")]
+    assert set(refused.method) == {"clarabel", "piqp"}
+    assert summary.refusals(prepared(refused)) == {
+        f"{name} solves E_move alone: alpha and beta must be 0": 2 for name in ("clarabel", "piqp")
+    }
 
 
 def test_an_answer_below_the_floor_is_shown_so(compared):
-    row = next(iter(results.records(results.answers(compared[0]))))
-    assert results.cells(row)[1] == "converged"
-    assert results.cells(row._replace(slack=-1e-9))[1] == "below floor"
+    rows = prepared(compared[0])
+    row = next(rows[rows.method == "newton"].itertuples())
+    assert summary.cells(row)["status"] == "converged"
+    assert summary.cells(row._replace(slack=-1e-9))["status"] == "below floor"
 
 
 def test_looser_tolerances_are_faster_and_farther_off(compared):
     table, _ = compared
-    rows = table[(table.experiment == "ladder") & (table.method == "ipopt")]
-    rows = rows[rows.units == "snake"].sort_values("value")
+    rows = table[(table.method == "ipopt") & (table.settings != "")]
+    tolerance = rows.settings.str.removeprefix("tolerance=").astype(float)
+    rows = rows.assign(tolerance=tolerance).sort_values("tolerance")
     assert (np.diff(rows.iterations) <= 0).all()
     assert rows.gap_relative.iloc[0] < 1e-10 < rows.gap_relative.iloc[-1]
 
 
-def test_the_report_tells_peers_apart(compared, tmp_path):
-    report.write(*compared, tmp_path)
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "Peers are established solvers from outside" in page
+def test_the_report_tells_peers_apart(compared):
+    assert main(["report", str(compared[1])]) == 0
+    page = (compared[1] / "report.html").read_text(encoding="utf-8")
     assert "IPOPT through CasADi" in page
-    assert "<td class=l>casadi</td>" in page
+    assert "casadi 3" in page
+
+
+def test_a_budget_is_told_to_a_peer(tmp_path):
+    path = tmp_path / "late.toml"
+    text = COMPARED.split("[[parts]]")[0].replace("repeats = 3", "repeats = 1\nbudget = 1e-6")
+    methods = '[{ name = "scipy-lbfgsb" }]'
+    path.write_text(text.split("methods = ")[0] + f"methods = {methods}\n")
+    assert set(run(path, tmp_path / "out").status) == {"out of time"}

@@ -17,9 +17,8 @@ pytest.importorskip("pydantic")
 from sweeps import COUNT, TEXT, files, same, start, wait_for
 
 from jaxclay.cli.main import main
-from jaxclay.experiments import load, run
-from jaxclay.experiments.sweep import engine, estimate, store
-from jaxclay.experiments.sweep.experiment import read_experiment
+from jaxclay.experiments import engine, estimate, load, run, store
+from jaxclay.experiments.entries.reading import read_experiment
 
 
 def test_a_finished_run_does_nothing_again(whole, experiment, capsys):
@@ -137,7 +136,7 @@ def test_results_that_are_taken_away_are_noticed(experiment, tmp_path):
         shutil.rmtree(tmp_path / "results")
         (tmp_path / "results").mkdir()
 
-    assert engine.run(read_experiment(experiment), tmp_path, tell=thief) == COUNT
+    assert engine.run(read_experiment(experiment), tmp_path, callback=thief) == COUNT
 
 
 def test_a_folder_tells_what_else_it_holds(experiment, tmp_path, capsys):

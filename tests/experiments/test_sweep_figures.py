@@ -8,8 +8,8 @@ pytest.importorskip("matplotlib").use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402
 
-from jaxclay.experiments.sweep import panels  # noqa: E402
-from jaxclay.experiments.sweep.statistics import (  # noqa: E402
+from jaxclay.experiments.charts import panels  # noqa: E402
+from jaxclay.experiments.charts.statistics import (  # noqa: E402
     SHIFT,
     exponent,
     ladder,
@@ -36,7 +36,7 @@ def test_times_to_solve_are_of_the_quickest_setting_that_is_good_enough():
             ("p", "newton", 3.0, -1e-7),
             ("q", "newton", 1.0, 1.0),
         ],
-        columns=["problem", "series", "solve_s", "gap_relative"],
+        columns=["problem", "family", "solve_s", "gap_relative"],
     )
     found = times_to_solve(rows, "gap_relative", 1e-5, "problem")
     assert found.loc["p", "newton"] == 2.0

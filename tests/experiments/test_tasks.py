@@ -5,8 +5,8 @@ import pytest
 pytest.importorskip("pydantic")
 
 from jaxclay.clay.clay import Clay
-from jaxclay.experiments.sweep.experiment import read_experiment
-from jaxclay.experiments.sweep.tasks import tasks
+from jaxclay.experiments.entries.reading import read_experiment
+from jaxclay.experiments.entries.tasks import tasks
 from jaxclay.files.profiles import save_profile
 
 TEXT = """\
@@ -45,9 +45,9 @@ def test_the_same_number_is_the_same_task_however_written(keys):
 
 
 def test_settings_that_differ_in_a_late_digit_differ_in_words(tmp_path, keys):
-    assert len(set(keys(step="[1e-3, 1.00000001e-3]"))) == 8
+    assert len(set(keys(step="[2e-3, 2.00000001e-3]"))) == 8
     chosen = {task.chosen for task in tasks(read_experiment(tmp_path / "small.toml"))}
-    assert chosen == {"step=0.001", "step=0.00100000001"}
+    assert chosen == {"step=0.002", "step=0.00200000001"}
 
 
 def test_a_file_that_changes_is_another_scene(tmp_path, keys):
@@ -55,10 +55,10 @@ def test_a_file_that_changes_is_another_scene(tmp_path, keys):
     save_profile(Clay.cylinder(0.3), tmp_path / "pot.csv")
     first = keys(text=text)
     (old, *_) = tasks(read_experiment(tmp_path / "small.toml"))
-    assert float(old.recipe.scene().clay(8).radii[0]) == pytest.approx(0.3)
+    assert float(old.specification.scene().clay(8).radii[0]) == pytest.approx(0.3)
     save_profile(Clay.cylinder(0.6), tmp_path / "pot.csv")
     assert not set(first) & set(keys(text=text))
     with pytest.raises(OSError, match="has changed: run the experiment again"):
-        old.recipe.scene()
+        old.specification.scene()
     save_profile(Clay.cylinder(0.3), tmp_path / "pot.csv")
     assert keys(text=text) == first

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import jaxclay
-from jaxclay.experiments.compare.scenes import NAMED
+from jaxclay.experiments.scenes import NAMED
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "jaxclay" / "README.md"

@@ -4,12 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scenes import REFERENCE, SNAKE, cylinder_problem, gap, solved
+from scenes import REFERENCE, SNAKE, cylinder_problem, gap, solved, squash_by
 from scipy import optimize
 
 import jaxclay
 from jaxclay import Clay, Material, Squash, Status, minimize, pose, rough_shape
-from jaxclay.experiments.atlas.sweeps import squash_by
 from jaxclay.methods.loop import Outcome
 from jaxclay.methods.stages import first_stage
 from jaxclay.schemes.base import no_forces

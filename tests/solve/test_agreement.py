@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import jaxclay
-from jaxclay.experiments.compare.scenes import NAMED, packaged_scenes
+from jaxclay.experiments.scenes import NAMED, packaged_scenes
 
 # fig4b is fig4a at mu/k = 0.1, and fig5 is fig4a's second stage.
 SCENES = [name for name in packaged_scenes() if name not in ("fig4b", "fig5")]

@@ -5,11 +5,10 @@ import re
 import jax
 import numpy as np
 import pytest
-from scenes import PRINTED, REFERENCE, SNAKE, cylinder_problem, gap, solved
+from scenes import PRINTED, REFERENCE, SNAKE, cylinder_problem, gap, solved, squash_by
 
 from jaxclay import Clay, Material, Squash, Status, deform, minimize, pose, rough_shape
-from jaxclay.experiments.atlas import single
-from jaxclay.experiments.atlas.sweeps import squash_by
+from jaxclay.experiments import precision as single
 from jaxclay.methods.loop import initial_guess, solve
 from jaxclay.solve.minimize import conclude, method_settings
 

@@ -1,1 +1,0 @@
-"""Failure atlas: which method solves which scene, and how the others fail (extra ``compare``)."""

@@ -1,0 +1,113 @@
+"""Where batches are solved: in this process, or by dask.distributed on this machine or others.
+
+Workers are spawned, never forked: JAX's threads do not survive a fork.  Each gets one thread and,
+on this machine, a core of its own, so that two of them on two cores do not wait for each other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import uuid
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from jaxclay.experiments.entries.tasks import Task, identity
+from jaxclay.experiments.machine import cores, environment, one_thread
+from jaxclay.experiments.solving.rows import Row
+from jaxclay.experiments.solving.solve import solve
+from jaxclay.experiments.solving.where import xla_threads
+from jaxclay.numerics.checks import Hindrance
+from jaxclay.numerics.host import let_go
+
+BACKENDS = ("serial", "processes", "dask")
+Batches = Iterable[list[Task]]
+ANSWERS_WITHIN = 20.0  # seconds, a scheduler
+_AHEAD = 2  # batches that each worker has waiting
+
+
+def serial(batches: Batches) -> Iterator[list[Row]]:
+    """Solve the batches here, one after the other."""
+    for batch in batches:
+        yield solve_in_worker(batch, identity())
+
+
+def distributed(batches: Batches, scheduler: str | None = None) -> Iterator[list[Row]]:
+    """Solve the batches on a dask cluster: one here, of a worker a core, or a scheduler's own.
+
+    A worker that dies is replaced, and its batch solved again.
+
+    Raises
+    ------
+    ImportError
+        dask.distributed is missing.
+    OSError
+        Nobody answers at the scheduler's address.
+    RuntimeError
+        A worker computes by another code, on another kind of device or with more threads; a batch
+        has cost several workers their life.
+    """
+    try:
+        from distributed import Client, KilledWorker, as_completed
+    except ImportError as error:
+        raise ImportError(
+            "processes and dask need dask.distributed: pip install 'jaxclay[sweep]'",
+            name=error.name,
+        ) from error
+
+    with contextlib.ExitStack() as stack:
+        where: Any = stack.enter_context(local_cluster()) if scheduler is None else scheduler
+        client: Any = stack.enter_context(Client(where, timeout=ANSWERS_WITHIN))
+        running = as_completed()
+        left = iter(batches)
+
+        def submit(batch):
+            # Others may use the same scheduler, and on other machines process numbers recur.
+            key = f"jaxclay-{uuid.uuid4()}"
+            running.add(client.submit(solve_in_worker, batch, identity(), key=key, pure=False))
+
+        for batch in itertools.islice(left, _AHEAD * max(len(client.nthreads()), cores())):
+            submit(batch)
+        for future in running:
+            try:
+                yield future.result()
+            except KilledWorker:
+                raise Hindrance(
+                    "a worker process died again and again: is there memory enough, and does a "
+                    "script guard what it runs by if __name__ == '__main__'? What had ended is kept"
+                ) from None
+            for batch in itertools.islice(left, 1):
+                submit(batch)
+
+
+@contextlib.contextmanager
+def local_cluster() -> Iterator[Any]:
+    """A dask cluster on this machine, of a worker a core, one thread each."""
+    from distributed import LocalCluster
+
+    local: Any = LocalCluster  # its annotations leave out what it documents
+    # Set before workers start: the variables are read when they import JAX.
+    with environment(one_thread()), local(
+        n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=None,
+        silence_logs=50, preload=["jaxclay.experiments.dask_worker"],
+    ) as cluster:  # fmt: skip
+        yield cluster
+
+
+def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:
+    """Solve a batch, as what its tasks' keys say.
+
+    Raises
+    ------
+    RuntimeError
+        This process has other code, another kind of device or more threads.
+    """
+    threads = {task.threads for task in batch} or {xla_threads()}
+    if (here := identity()) != wanted or threads != {xla_threads()}:
+        raise Hindrance(
+            f"a worker has {here} and {xla_threads()} threads, but {wanted} and "
+            f"{', '.join(map(str, threads))} are wanted: start workers with that, threads by NPROC"
+        )
+    found = solve(batch)
+    let_go()
+    return found

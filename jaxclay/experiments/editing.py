@@ -1,0 +1,171 @@
+"""Packaged experiments, edited by the options of ``jaxclay compare`` and ``jaxclay atlas``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxclay.experiments.entries.reading import (
+    Raw,
+    as_toml,
+    checked,
+    experiment_path,
+    files_of,
+    raw_experiment,
+    read_experiment,
+)
+from jaxclay.experiments.entries.tables import Experiment
+from jaxclay.experiments.peers import PEERS
+from jaxclay.experiments.peers import checked as checked_peer
+from jaxclay.experiments.scenes import NAMED, packaged_scenes
+from jaxclay.methods import METHODS
+from jaxclay.numerics.checks import check_positive
+
+_MOST_SLICES = 1024  # dense methods
+_UNITS = ["snake", "printed"]
+
+
+class Edited(NamedTuple):
+    """An experiment, its name, and the text of a file that says the same."""
+
+    name: str
+    experiment: Experiment
+    text: str
+
+
+def of_file(path: str | Path, profiles: str | Path | None = None) -> Edited:
+    """An experiment file as it is; raises as :func:`.entries.reading.read_experiment`."""
+    found = read_experiment(path, profiles)
+    path = experiment_path(path)
+    return Edited(path.stem, found, path.read_text(encoding="utf-8-sig"))
+
+
+def comparison(
+    scenes: list[str] | None = None,
+    methods: list[str] | None = None,
+    slices: list[int] | None = None,
+    profiles: Path | None = None,
+    quick: bool = False,
+    minimum_radius: float | None = None,
+    peers: list[str] | None = None,
+) -> Edited:
+    """The comparison, narrowed or widened as asked.
+
+    ``peers`` names solvers from outside that run too; an empty list is all of them.  With them
+    the named scenes are run as E_move alone too, for those that take nothing else.
+
+    Raises
+    ------
+    ValueError
+        An unknown scene, method or peer, too few or too many slices, no CSV in the folder.
+    ImportError
+        A peer's library is missing.
+    """
+    name = "compare-quick" if quick else "compare"
+    raw = raw_experiment(name)
+    first, finer, *featured = raw["parts"]
+    outside = list(PEERS) if peers == [] else peers or []
+    for peer in outside:
+        checked_peer(peer)
+    if methods is not None:
+        raw["methods"] = _named(methods)
+    raw["methods"] += [{"name": peer} for peer in outside]
+    for n in slices or ():
+        if not 8 <= n <= _MOST_SLICES:
+            raise ValueError(f"slices must lie between 8 and {_MOST_SLICES}, got {n}")
+    if slices:
+        raw["discretisations"] = [{"scheme": "paper", "slices": sorted(set(slices))}]
+        for part in featured:
+            if not isinstance(part["discretisations"][0]["slices"], list):
+                part["discretisations"] = [{"scheme": "paper", "slices": min(slices)}]
+    known = _tables(first["scenes"][0]["names"] if scenes is None else [*packaged_scenes()])
+    if profiles is not None:
+        known |= _of_folder(profiles, minimum_radius)
+    for one in scenes or ():
+        if one not in known:
+            raise ValueError(f"unknown scene {one!r}: choose from {', '.join(known)}")
+    chosen = {one: known[one] for one in scenes or known}
+    for part in featured:
+        (table,) = part["scenes"]
+        if not set(table["names"]) <= set(chosen):
+            part["scenes"] = [next(iter(chosen.values())) | {"units": table["units"]}]
+    (table,) = finer["scenes"]
+    table["names"] = [one for one in table["names"] if one in chosen]
+    if slices or not table["names"]:
+        raw["parts"].remove(finer)
+    first["scenes"] = list(chosen.values())
+    everything: list[Raw] = [table for part in raw["parts"] for table in part["scenes"]]
+    for table in everything:
+        if outside and set(table.get("names", ())) & set(NAMED):
+            table["units"] = [*table["units"], "move"]
+    return _edited(name, raw)
+
+
+def atlas(
+    methods: list[str] | None = None, seconds: float | None = None, quick: bool = False
+) -> Edited:
+    """The atlas, of fewer methods or with other seconds for each solve.
+
+    Raises
+    ------
+    ValueError
+        An unknown method, seconds that are not positive.
+    """
+    name = "atlas-quick" if quick else "atlas"
+    raw = raw_experiment(name)
+    if methods is not None:
+        raw["methods"] = _named(methods)
+    if seconds is not None:
+        check_positive("seconds", seconds)
+        raw["budget"] = seconds
+    return _edited(name, raw)
+
+
+def accuracy(scenes: int | None = None, seed: int = 0, quick: bool = False) -> Edited:
+    """Speed against accuracy on about so many random scenes.
+
+    Raises
+    ------
+    ValueError
+        Fewer than one scene.
+    """
+    name = "accuracy-quick" if quick else "accuracy"
+    raw = raw_experiment(name)
+    raw["seed"] = seed
+    if scenes is not None:
+        check_positive("scenes", scenes)
+        whole = sum(table["draws"] for table in raw["scenes"])
+        for table in raw["scenes"]:
+            table["draws"] = max(1, round(scenes * table["draws"] / whole))
+    return _edited(name, raw)
+
+
+def _edited(name: str, raw: Raw) -> Edited:
+    return Edited(name, checked(raw, Path(name)), as_toml(raw))
+
+
+def _named(methods: list[str]) -> list[Raw]:
+    for name in methods:
+        if name not in METHODS:
+            raise ValueError(f"unknown method {name!r}: choose from {', '.join(METHODS)}")
+    return [{"name": name} for name in dict.fromkeys(methods)]
+
+
+def _tables(names: list[str]) -> dict[str, Raw]:
+    """A table of scenes for each packaged one, in the units that it knows."""
+    known = packaged_scenes()
+    return {
+        name: {"names": [name], "units": [u for u in _UNITS if u in known[name].units]}
+        for name in names
+    }
+
+
+def _of_folder(folder: Path, minimum_radius: float | None) -> dict[str, Raw]:
+    """Two squashes, at mid-height and at the shoulder, of each CSV profile in a folder."""
+    more: dict[str, Any] = {} if minimum_radius is None else {"minimum_radius": minimum_radius}
+    more["units"] = _UNITS
+    return {
+        f"{Path(file).stem}-{place}": {"profiles": [file], "places": [place], **more}
+        for file in files_of(folder, minimum_radius)
+        for place in ("middle", "shoulder")
+    }

@@ -1,0 +1,147 @@
+"""The named scenes that methods are compared on, and squashes of profiles.
+
+The paper's figures give neither r0 nor the bands, nor the tool's radius: those
+of the fig scenes are our choice.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from jaxclay.clay.clay import Clay
+from jaxclay.files.profiles import PROFILES, load_profile
+from jaxclay.model.material import Material
+from jaxclay.model.squash import Squash
+from jaxclay.schemes.posing import pose
+from jaxclay.schemes.problem import Problem
+from jaxclay.solve.minimize import deform
+
+UNITS = ("snake", "printed", "move")
+SNAKE_SLICES = 64  # the grid whose raw differences the snake units weigh, on every grid
+_LEAST_SHARE = 0.05  # of the clay under a profile's tool, so that coarse grids resolve it
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A succession of squashes; what is compared is the last.
+
+    Attributes
+    ----------
+    name : str
+    clay : slices -> Clay
+        The piece before the first squash.
+    squashes : tuple of Squash
+        All but the last are solved by ``newton``.
+    k, mu, alpha, beta : float
+        Of the material, alpha and beta in the units asked for.
+    units : tuple
+        Which of "snake", "printed" and "move" (E_move alone, alpha = beta = 0) it is run in.
+    fewest_slices : int
+        Below it a band holds too few nodes.
+    """
+
+    name: str
+    clay: Callable[[int], Clay]
+    squashes: tuple[Squash, ...]
+    k: float = 1.0
+    mu: float = 1.0
+    units: tuple[str, ...] = UNITS
+    fewest_slices: int = 3
+    alpha: float = 1.0
+    beta: float = 1.0
+
+    def material(self, units: str) -> Material:
+        """alpha and beta as printed (eq. 21) or in snake units of 64 slices, or 0."""
+        if units == "move":
+            return Material(self.k, self.mu, 0.0, 0.0)
+        if units == "printed":
+            return Material(self.k, self.mu, self.alpha, self.beta)
+        constants = self.k, self.mu, self.alpha, self.beta
+        return Material.from_snake_units(*constants, slices=SNAKE_SLICES)
+
+    def problems(self, units: str, slices: int, scheme: str = "paper") -> list[Problem]:
+        """Each squash posed on what the certified minima before it left.
+
+        On the paper's scheme, or on "slices" that are equal on each side of the band, where
+        greedy is not held up by the thinnest of them.
+        """
+        clay, material = self.clay(slices), self.material(units)
+        how: dict[str, Any] = {"scheme": scheme} | (
+            {"spacing": "equal"} if scheme == "slices" else {}
+        )
+        problems = []
+        for squash in self.squashes:
+            problems.append(pose(clay, squash, material, **how))
+            if squash is not self.squashes[-1]:
+                answer = deform(clay, squash, material, **how)
+                clay = answer.raise_for_status().clay
+        return problems
+
+
+def _cylinder(radius: float) -> Callable[[int], Clay]:
+    return lambda slices: Clay.cylinder(radius=radius, slices=slices)
+
+
+_FIG4 = Squash(0.0, 0.3, 0.4)
+_FIG6 = tuple(Squash(0.78 - 0.09 * j, 0.90 - 0.09 * j, 0.38) for j in range(8))
+_FIG7 = tuple(
+    Squash(*band)
+    for band in (
+        (0.75, 1.1, 0.12),
+        (0.7, 0.85, 0.14),
+        (0.3, 0.4, 0.2),
+        (0.0, 0.06, 0.22),
+        (0.85, 1.2, 0.1),
+        (1.1, 1.5, 0.08),
+        (0.4, 0.5, 0.24),
+        (0.9, 1.05, 0.09),
+    )
+)
+
+NAMED: dict[str, Scene] = {
+    scene.name: scene
+    for scene in (
+        Scene("reference", _cylinder(0.5), (Squash(0.0, 0.29296875, 0.4),)),
+        Scene("fig4a", _cylinder(0.5), (_FIG4,)),
+        Scene("fig4b", _cylinder(0.5), (_FIG4,), mu=0.1),
+        Scene("fig4c", _cylinder(0.5), (dataclasses.replace(_FIG4, top_fixed=True),), mu=0.1),
+        # The second stage of fig4a, which every comparison is: the same solve by its other name.
+        Scene("fig5", _cylinder(0.5), (_FIG4,)),
+        Scene("fig6", _cylinder(0.5), _FIG6),
+        # The printed constants make the vase slump below its last band.
+        Scene("fig7", _cylinder(0.25), _FIG7, units=("snake", "move"), fewest_slices=128),
+    )
+}
+
+
+def packaged_scenes() -> dict[str, Scene]:
+    """The named scenes and one squash, at mid-height, of each packaged profile."""
+    profiles = {name: profile_scene(name, name, "middle") for name in PROFILES}
+    return NAMED | profiles
+
+
+def profile_scene(name: str, source: str, place: str, minimum_radius: float | None = None) -> Scene:
+    """A squash to 0.85 of the radius there, over 0.12 of the height or 0.05 of the clay.
+
+    ``place`` is "middle" or "shoulder"; ``minimum_radius`` clips pointed tips.
+    """
+    fine = load_profile(source, 512, minimum_radius)
+    height, r0 = float(fine.height), float(fine.r0)
+    middle = (fine.heights[:-1] + fine.heights[1:]) / 2
+    centre = 0.5 * height if place == "middle" else _shoulder(middle, fine.radii, height)
+    radius = 0.85 * float(np.interp(centre, middle, fine.radii))
+    half = max(0.06 * height, _LEAST_SHARE * r0**2 / radius**2 / 2)
+    squash = Squash(centre - half, centre + half, radius)
+    return Scene(name, lambda slices: load_profile(source, slices, minimum_radius), (squash,))
+
+
+def _shoulder(heights: np.ndarray, radii: np.ndarray, height: float) -> float:
+    """Where the radius falls fastest between 0.58 and 0.85 of the height."""
+    y = np.linspace(0.58, 0.85, 55) * height
+    window = 0.03 * height
+    fall = np.interp(y - window, heights, radii) - np.interp(y + window, heights, radii)
+    return float(y[np.argmax(fall)])

@@ -1,0 +1,118 @@
+"""The one clock: it times exactly the call that a user makes, with compiling apart.
+
+What is timed is called until a call compiles nothing, by JAX's own word; a timed call in which
+JAX compiles after all, as where it has let go of old programs, does not count.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Hashable
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
+
+_LONG = 0.1  # seconds: a run longer than that is made twice only
+_VERY_LONG = 0.3  # seconds: and longer than that, once
+_ENOUGH = 0.02  # seconds of repeats that short runs get
+_MOST_REPEATS = 25
+_MOST_COMPILING = 5  # calls in which JAX may compile before one is taken as it is
+_NONE = np.zeros(0)
+
+
+class Times(NamedTuple):
+    """Columns of times; seconds are medians of ``repeats`` calls.
+
+    In a batch of throughput ``solve_s`` is the call's share of each task, and compiling is in it.
+    """
+
+    solve_s: float = np.nan
+    solve_s_least: float = np.nan
+    solve_s_most: float = np.nan
+    compile_s: float = np.nan
+    first_s: float = np.nan
+    repeats: int = 0
+    batch: int = 0
+    trace_iterations: np.ndarray = _NONE
+    trace_s: np.ndarray = _NONE
+    trace_energy: np.ndarray = _NONE
+
+
+_compilations = [0]  # of this process
+_compiling: dict[Hashable, float] = {}  # seconds by program
+
+
+def _count(event: str, duration_secs: float, **_: Any) -> None:
+    _compilations[0] += event == "/jax/core/compile/backend_compile_duration"
+
+
+jax.monitoring.register_event_duration_secs_listener(_count)
+
+
+def clocked(call: Callable[[], Any]) -> tuple[Any, float, bool]:
+    """What a call returns, its seconds, and whether JAX compiled."""
+    before, begin = _compilations[0], time.perf_counter()
+    answer = jax.block_until_ready(call())
+    seconds = time.perf_counter() - begin
+    return answer, seconds, _compilations[0] > before
+
+
+def compiled(program: Hashable, call: Callable[[], Any]) -> tuple[Any, float]:
+    """The answer and seconds of a call in which JAX compiled nothing.
+
+    Seconds that earlier ones took longer are noted as the ``program``'s compiling.
+    """
+    longest = 0.0
+    for _ in range(_MOST_COMPILING):
+        answer, seconds, compiles = clocked(call)
+        if not compiles:
+            break
+        longest = max(longest, seconds)
+    if longest:
+        _compiling[program] = max(_compiling.get(program, 0.0), longest - seconds)
+    return answer, seconds
+
+
+def first_answer(program: Hashable, call: Callable[[], Any]) -> float:
+    """Seconds of a call with nothing compiled and nothing kept, as the first of a process is."""
+    kept = jax.config.jax_enable_compilation_cache  # type: ignore[attr-defined]
+    jax.clear_caches()
+    try:
+        _keep(False)
+        _, seconds, _ = clocked(call)
+    finally:
+        _keep(kept)
+    _compiling[program] = seconds - clocked(call)[1]
+    return seconds
+
+
+def _keep(kept: bool) -> None:
+    jax.config.update("jax_enable_compilation_cache", kept)
+    compilation_cache.reset_cache()  # whether there is one has been noted
+
+
+def setting_up(program: Hashable, setup: Callable[[], Any]) -> Any:
+    """What ``setup`` returns; its seconds are noted as the ``program``'s compiling."""
+    ready, seconds, _ = clocked(setup)
+    _compiling.setdefault(program, seconds)
+    return ready
+
+
+def timed(program: Hashable, call: Callable[[], Any], repeats: int) -> tuple[Any, Times]:
+    """The answer, and the times of so many calls, more of short ones and fewer of long."""
+    answer, seconds = compiled(program, call)
+    # Short runs are cheap to repeat and noisy, long ones the opposite.
+    more = int(np.clip(_ENOUGH / max(seconds, 1e-9), repeats, max(repeats, _MOST_REPEATS)))
+    count = more if seconds < _LONG else 2 if seconds < _VERY_LONG else 1
+    taken = [seconds, *(compiled(program, call)[1] for _ in range(count - 1))]
+    return answer, Times(
+        float(np.median(taken)), min(taken), max(taken), compile_s(program), repeats=len(taken),
+        batch=1,
+    )  # fmt: skip
+
+
+def compile_s(program: Hashable) -> float:
+    """Seconds that compiling a program, or setting a peer up, took in this process, if known."""
+    return _compiling.get(program, np.nan)

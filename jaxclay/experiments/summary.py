@@ -1,0 +1,139 @@
+"""The summary of a folder: how each method fared, and a sentence on where it wins and fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from rich.table import Table
+
+from jaxclay.experiments.charts.maps import marked
+from jaxclay.experiments.charts.marks import Mark
+from jaxclay.experiments.charts.series import default_rows, told_apart
+from jaxclay.experiments.frames import groups, number, select
+
+_ROUNDING = 1e-12  # over the thickness at rest, what the certificate lets pass
+_MOST_PLACES = 2  # of failures that a sentence names
+Line = dict[str, str]
+
+
+def summary(rows: pd.DataFrame) -> list[Line]:
+    """A line for each method on each scheme, and for each of its settings where they are few.
+
+    Of a method that was run over a ladder its own settings count.
+    """
+    rows = marked(told_apart(default_or_all(rows)))
+    best = _quickest(rows)
+    return [_line(str(series), part, best) for series, part in groups(rows, "series")]
+
+
+def default_or_all(rows: pd.DataFrame) -> pd.DataFrame:
+    """Without the rungs of ladders, but with every setting where those are few."""
+    counts = rows.groupby("family").settings.nunique()
+    ladders = rows.family.map(counts) > 3
+    return pd.concat([select(rows, ~ladders), default_rows(select(rows, ladders))])
+
+
+def _quickest(rows: pd.DataFrame) -> dict[str, str]:
+    """Whose certified answer is quickest, by problem; of problems that two or more tried."""
+    certified = select(rows, (rows.mark == str(Mark.SOLVED)) & (rows.solve_s > 0))
+    tried = rows.groupby("problem").series.nunique()
+    certified = select(certified, certified.problem.map(tried) > 1)
+    first = certified.sort_values("solve_s").drop_duplicates(subset="problem")
+    return dict(zip(first.problem, first.series, strict=True))
+
+
+def _line(series: str, part: pd.DataFrame, best: dict[str, str]) -> Line:
+    tried = select(part, part.status != "skipped")
+    counts = part.mark.value_counts()
+    certified = int(counts.get(str(Mark.SOLVED), 0))
+    share = f"{certified / len(tried):.0%}" if len(tried) else ""
+    timed = select(tried, tried.kind == "timing")
+    line = {
+        "method": series,
+        "tasks": f"{len(part)}",
+        "certified": share,
+        "median gap / E_free": _median(tried.gap_relative.abs(), ".1e") or "none certified",
+        "median ms": _median(timed.solve_s * 1e3, ".3g"),
+        "first answer s": _median(part.first_s, ".2g"),
+    }
+    for mark in list(Mark)[1:]:
+        line[str(mark)] = f"{counts.get(str(mark), 0) or ''}"
+    return line | {"in a sentence": _sentence(series, part, tried, certified, best)}
+
+
+def _sentence(series, part: pd.DataFrame, tried: pd.DataFrame, certified: int, best) -> str:
+    """Where it wins and where it fails."""
+    told = []
+    mine = select(part, part.problem.isin(list(best)))
+    wins = [problem for problem in mine.problem.unique() if best[problem] == series]
+    if wins:
+        there = select(mine, mine.problem.isin(wins))
+        told.append(f"quickest certified on {len(wins)} of {mine.problem.nunique()} problems"
+                    f"{_places(there, mine)}")  # fmt: skip
+    elif certified and len(mine):
+        told.append(f"never quickest on {mine.problem.nunique()} problems")
+    failed = select(tried, tried.mark != str(Mark.SOLVED))
+    for mark, those in groups(failed, "mark"):
+        told.append(f"{mark} on {len(those)}{_places(those, tried)}")
+    skipped = len(part) - len(tried)
+    told += [f"skipped on {skipped}"] if skipped else []
+    return "; ".join(told or ["certified on all"])
+
+
+def _places(those: pd.DataFrame, whole: pd.DataFrame) -> str:
+    """In which units or on which scenes, where that says something."""
+    units = sorted(set(those.units))
+    words = [f"{units[0]} units"] if len(units) == 1 < whole.units.nunique() else []
+    scenes = [str(scene) for scene in those.scene.unique()]
+    if len(scenes) <= _MOST_PLACES < whole.scene.nunique():
+        words.append(" and ".join(scenes))
+    return f" ({', '.join(words)})" if words else ""
+
+
+def refusals(rows: pd.DataFrame) -> dict[str, int]:
+    """Each reason for which there is no answer, and how often it was given."""
+    refused = select(rows, marked(rows).mark == str(Mark.REFUSED))
+    return {str(reason): int(count) for reason, count in refused.reason.value_counts().items()}
+
+
+def _median(values: pd.Series, spec: str) -> str:
+    known = values.astype(float).dropna()
+    return number(np.median(known), spec) if len(known) else ""
+
+
+ROWS = ("scene", "units", "size", "method", "settings", "status", "gap / E_free", "contour error",
+        "from the continuum", "iterations", "compile s", "solve s", "first s")  # fmt: skip
+NUMBERS = ("size", *ROWS[6:])  # columns that are sorted and set as numbers
+
+
+def cells(row: Any) -> Line:
+    """A row of the results as text."""
+    broken = row.slack < -_ROUNDING
+    size = f"{row.slices}" if row.slices else f"{row.elements} spans of degree {row.degree}"
+    size = f"to {row.tolerance:g}" if row.tolerance else size
+    values = (
+        row.scene if not row.number else f"{row.scene} {row.number}", row.units, size,
+        row.family, row.settings, "below floor" if broken else row.status,
+        number(row.gap_relative, ".1e", "" if row.status == "skipped" else "none certified"),
+        number(row.contour_error, ".1e"), number(row.contour_error_continuum, ".1e"),
+        number(row.iterations, "d"), number(row.compile_s, ".2f"), number(row.solve_s, ".2e"),
+        number(row.first_s, ".2f"),
+    )  # fmt: skip
+    return dict(zip(ROWS, values, strict=True))
+
+
+def printed(title: str, lines: Iterable[Line], columns: Iterable[str] = ()) -> Table:
+    """Lines as a table for the terminal, without columns that are empty."""
+    lines = list(lines)
+    names = [n for n in columns or (lines[0] if lines else ()) if any(line[n] for line in lines)]
+    view = Table(title=title, box=None, pad_edge=False)
+    for name in names:
+        wide = name == "in a sentence"
+        text = name in ("method", "scene", "units", "settings", "status") or wide
+        view.add_column(name, justify="left" if text else "right", no_wrap=not wide)
+    for line in lines:
+        view.add_row(*(line[name] for name in names))
+    return view
