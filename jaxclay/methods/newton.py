@@ -22,7 +22,7 @@ import numpy as np
 from jaxclay.methods.base import Method, State, check_setting
 from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_concrete, pytree
-from jaxclay.schemes.base import DECREMENT, SMALL, AnyDisplaced, Forces, Newtonian, Pull, no_forces
+from jaxclay.schemes.base import SMALL, AnyDisplaced, Forces, Newtonian, Pull, no_forces
 
 _FIRST_EPS = 1e-3  # over the unit l
 _WARM_EPS = 1e-6
@@ -30,7 +30,7 @@ _WARM_GAIN = 1e-6  # what there is to gain from a minimum close by, over E_free
 _RESTS = 1e-13  # displacement over the unit l within which clay is put back to rest
 _SETTLED = 1e-2  # of the tolerance: where the last nodes begin to move, gains mislead
 _ROUNDING = 1e-17  # first shift of a matrix that is not positive definite, over its largest entry
-_HELD = DECREMENT / 2  # of the energy: what the barrier's last weights cost where the floor pushes
+_HELD = 5e-13  # of the energy: what the barrier's last weights cost where the floor pushes
 _EAGER = 1e-3  # barrier weight over promised gain
 _BACKTRACKS = 14
 _TO_BOUNDARY = 0.99  # of the way to the lower bound that a step may go
