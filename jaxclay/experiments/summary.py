@@ -11,7 +11,7 @@ from rich.table import Table
 
 from jaxclay.experiments.charts.maps import marked
 from jaxclay.experiments.charts.marks import Mark
-from jaxclay.experiments.charts.series import default_rows, told_apart
+from jaxclay.experiments.charts.series import told_apart
 from jaxclay.experiments.frames import groups, number, select
 
 _ROUNDING = 1e-12  # over the thickness at rest, what the certificate lets pass
@@ -22,18 +22,11 @@ Line = dict[str, str]
 def summary(rows: pd.DataFrame) -> list[Line]:
     """A line for each method on each scheme, and for each of its settings where they are few.
 
-    Of a method that was run over a ladder its own settings count.
+    Of a method that was run over a ladder its own settings count, or the tightest.
     """
-    rows = marked(told_apart(default_or_all(rows)))
+    rows = marked(told_apart(rows))
     best = _quickest(rows)
     return [_line(str(series), part, best) for series, part in groups(rows, "series")]
-
-
-def default_or_all(rows: pd.DataFrame) -> pd.DataFrame:
-    """Without the rungs of ladders, but with every setting where those are few."""
-    counts = rows.groupby("family").settings.nunique()
-    ladders = rows.family.map(counts) > 3
-    return pd.concat([select(rows, ~ladders), default_rows(select(rows, ladders))])
 
 
 def _quickest(rows: pd.DataFrame) -> dict[str, str]:

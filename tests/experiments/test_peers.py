@@ -2,6 +2,7 @@
 
 import sys
 
+import jax
 import numpy as np
 import pytest
 import threadpoolctl
@@ -49,6 +50,7 @@ scenes = [{ names = ["reference"] }]
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
     """The reference scene on 32 slices, newton against three peers, ladders included."""
+    jax.clear_caches()  # as in a process of its own: what is compiled has no seconds to tell
     folder = tmp_path_factory.mktemp("peers")
     (folder / "peers.toml").write_text(COMPARED)
     return run(folder / "peers.toml", folder / "out"), folder / "out"

@@ -68,7 +68,7 @@ def _by_scene(rows: pd.DataFrame) -> Figure:
         text = f"{int(_solved(tried).sum())}/{len(tried)}" if len(tried) else "skipped"
         ax.text(x, y, text, ha="center", va="center", fontsize=9,
                 color="white" if share[y, x] < 0.6 else "black")  # fmt: skip
-    names = [who.replace("-", "-\n").replace(" ", "\n") for who in series]
+    names = [who.replace("-", "-\n").replace(" ", "\n").replace("=", "=\n") for who in series]
     ax.set_xticks(range(len(series)), names, fontsize=9)
     ax.set_yticks(range(len(lines)), lines, fontsize=9)
     ax.xaxis.tick_top()

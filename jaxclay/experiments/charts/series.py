@@ -11,7 +11,7 @@ from jaxclay.experiments.contestants import contestant
 from jaxclay.experiments.frames import groups, select
 from jaxclay.files.plots import COLOURS
 
-_MOST = 5  # settings of a method that get a line each; of a longer ladder one is taken
+_MOST = 3  # settings of a method that get a line each; of a longer ladder one is taken
 SCHEMES = {"paper": "paper's sums", "equal": "equal slices", "placed": "placed slices",
            "spline": "splines"}  # fmt: skip
 

@@ -209,7 +209,9 @@ def _traced(rows: pd.DataFrame, traces: xr.Dataset) -> pd.DataFrame:
 
 def _panels(rows: pd.DataFrame, by: list[str], draw: Callable[..., None]) -> Figure:
     """A panel for each value of the columns ``by``, one legend for all."""
-    parts = list(groups(rows, by))
+    parts = sorted(
+        groups(rows, by), key=lambda part: (list(_UNITS).index(part[0][0]), *part[0][1:])
+    )
     columns = min(3, len(parts))
     figure, axes = _grid(len(parts), columns, max(4.6, 6.0 / columns), 3.9)
     for ax, (values, part) in zip(axes.flat, parts, strict=False):
