@@ -137,7 +137,7 @@ def test_they_run_on_where_they_were(everything):
 def test_a_budget_ends_a_solve_that_would_go_on(tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(
-        'kind = "timing"\nrepeats = 1\nbudget = 0.02\nscenes = [{ names = ["reference"] }]\n'
+        'kind = "timing"\nrepeats = 1\nbudget = 0.001\nscenes = [{ names = ["reference"] }]\n'
         'discretisations = [{ scheme = "paper", slices = 64 }]\n'
         '[[methods]]\nname = "adam"\nsettings = { max_iterations = [3, 1000000] }\n'
     )
