@@ -145,7 +145,7 @@ def test_a_budget_ends_a_solve_that_would_go_on(tmp_path):
     assert table.loc["max_iterations=3"].status == "iteration limit"
     late = table.loc["max_iterations=1e+06"]
     assert late.status == "out of time"
-    assert 0.9 * 0.02 <= late.solve_s < 1.0
+    assert 0.9 * 0.001 <= late.solve_s < 1.0
     assert 3 < late.iterations < 1_000_000
 
 
