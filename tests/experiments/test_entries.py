@@ -137,7 +137,7 @@ def test_they_run_on_where_they_were(everything):
 def test_a_budget_ends_a_solve_that_would_go_on(tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(
-        'kind = "timing"\nrepeats = 1\nbudget = 0.001\nscenes = [{ names = ["reference"] }]\n'
+        'kind = "timing"\nrepeats = 1\nbudget = 0.006\nscenes = [{ names = ["reference"] }]\n'
         'discretisations = [{ scheme = "paper", slices = 64 }]\n'
         '[[methods]]\nname = "adam"\nsettings = { max_iterations = [3, 1000000] }\n'
     )
@@ -145,7 +145,7 @@ def test_a_budget_ends_a_solve_that_would_go_on(tmp_path):
     assert table.loc["max_iterations=3"].status == "iteration limit"
     late = table.loc["max_iterations=1e+06"]
     assert late.status == "out of time"
-    assert 0.9 * 0.001 <= late.solve_s < 1.0
+    assert 0.9 * 0.006 <= late.solve_s < 1.0
     assert 3 < late.iterations < 1_000_000
 
 
