@@ -29,7 +29,7 @@ STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _STILL = 1e-12  # over the unit l: clay that rests
 _AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _PENALTY = 1e4  # over the Hessian's entry there: more would drown the others' in rounding
-_TURNS = 5  # for each pair of forces, of which all but the last read it off
+_TURNS = 7  # for each pair of forces, of which all but the last read it off
 _LAST = _TURNS * (2 + len(_AT_REST))
 _AT_BOUND = 1e-9  # slack over rest thickness below which the lower bound may push
 
@@ -176,9 +176,10 @@ class Search(NamedTuple):
         """Whether a pair passes or none is left."""
         return (self.turn >= _LAST) | self.best.passes(self.energy_free)
 
-    def refuses_own(self, before: Search) -> Array:
-        """Whether this turn, the one after ``before``, has refused the method's own forces."""
-        return (before.turn < _TURNS) & (self.turn >= _TURNS) & self.positive & ~self.over
+    @property
+    def failed(self) -> Array:
+        """Whether no pair passes, though H is positive definite."""
+        return (self.turn >= _LAST) & self.positive & ~self.best.passes(self.energy_free)
 
     @property
     def pair(self) -> Array:
