@@ -169,6 +169,7 @@ def taken(
 def _line_search(problem, point, value, delta, gain, eps, weight, wanted) -> Array:
     """Longest of some halved steps that lowers the smoothed energy; 0 where none does."""
     here = value + problem.kinks(point, eps, weight)
+    # Differences of radii cancel: on fine slices the energy is known to this.
     rounding = 1e-12 * jnp.abs(here)
 
     def go_on(carry):
