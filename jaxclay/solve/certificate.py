@@ -177,9 +177,10 @@ class Search(NamedTuple):
         return (self.turn >= _LAST) | self.best.passes(self.energy_free)
 
     @property
-    def failed(self) -> Array:
-        """Whether no pair passes, though H is positive definite."""
-        return (self.turn >= _LAST) & self.positive & ~self.best.passes(self.energy_free)
+    def nearly(self) -> Array:
+        """Whether no pair passes, but by its step alone, though H is positive definite."""
+        gains = self.best.decrement <= accepted_decrement(self.energy_free)
+        return (self.turn >= _LAST) & self.positive & gains & (self.best.step > STEP)
 
     @property
     def pair(self) -> Array:

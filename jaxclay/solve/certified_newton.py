@@ -25,7 +25,7 @@ from jaxclay.schemes.system import System
 from jaxclay.solve import certificate
 from jaxclay.solve.certificate import Certificate, Search
 
-_AGAIN = 3  # times that Newton goes on where no forces certify its answer
+_AGAIN = 3  # times that Newton goes on where the certificate refuses the step alone
 
 
 class _Carry(NamedTuple):
@@ -33,7 +33,7 @@ class _Carry(NamedTuple):
     finite: Array  # whether the last step was
     certifying: Array
     search: Search
-    again: Array  # how often Newton has gone on, since no forces certified its answer
+    again: Array  # how often Newton has gone on, since only the step was too long
 
 
 def certified_newton(
@@ -59,7 +59,7 @@ def certified_newton(
         iterations = state.iterations + jnp.where(certifying | ~finite, 0, 1)
         ends = finished | ~finite | (iterations >= settings.max_iterations)
         # Gains of a side whose bending dwarfs the other's end before that one is at its minimum.
-        more = state.finished & certifying & after.failed & (again < _AGAIN)
+        more = state.finished & certifying & after.nearly & (again < _AGAIN)
         new = new._replace(finished=finished & ~more, iterations=iterations)
         fresh = certificate.first_search(system, pull.energy)
         search = _either(more, fresh, _either(certifying, after, search))
