@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, Float, Scalar, fixed, iterate, namespace, repeat
+from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, fixed, iterate, namespace, repeat
 
 _MOST_STEPS = 60
 _CLOSE = 1e-13
@@ -30,6 +30,9 @@ _LAST_STEPS = 2
 
 class Side(NamedTuple):
     """One side of the band, slice by slice; empty slices have start == stop.
+
+    Or many sides, with leading axes before those that are told here; so it is with all that is
+    found of them.
 
     Attributes
     ----------
@@ -46,22 +49,22 @@ class Side(NamedTuple):
         discrete sums, where a slice takes the push at its end nearest the band.
     """
 
-    start: Float[Array, "n"]
-    stop: Float[Array, "n"]
-    slope: Float[Array, "n"]
-    displacement: Scalar
-    held: Scalar
+    start: Float[Array, "*sides n"]
+    stop: Float[Array, "*sides n"]
+    slope: Float[Array, "*sides n"]
+    displacement: Float[Array, "*sides"] | Scalar
+    held: Bool[Array, "*sides"] | Scalar
     graded: Scalar
 
     @property
-    def width(self) -> Float[Array, "n"]:
+    def width(self) -> Float[Array, "*sides n"]:
         """(n,) each slice's share of the material."""
         return self.stop - self.start
 
     @property
-    def span(self) -> Float[Array, ""]:
+    def span(self) -> Float[Array, "*sides"]:
         """The side's share of the material."""
-        return self.width.sum()
+        return self.width.sum(axis=-1)
 
 
 class Push(NamedTuple):
@@ -96,7 +99,7 @@ def solve_side(side: Side, material: Material) -> Push:
     free_push = rate * span
     moves = (size > 0) & (span > 0)
     sigma = None
-    if xp is np:
+    if xp is np and side.start.ndim == 1:
         sigma = _looked_up(side, material) if moves else np.zeros(())
     above = sigma is not None  # the lower bound
     if not above:
@@ -114,14 +117,16 @@ def solve_side(side: Side, material: Material) -> Push:
     free_push = xp.where(moves, free_push, 0.0)
     sigma = xp.where(side.held, sigma, xp.minimum(sigma, free_push))
     case = xp.where(beyond, xp.where(side.held, 3, 2), 1)
-    most = (1 - material.floor) * xp.sum(side.slope * side.width)
+    most = (1 - material.floor) * xp.sum(side.slope * side.width, axis=-1)
     return Push(
         sigma=sigma,
         case=xp.where(span > 0, case, 0),
         reach=xp.where(moves, xp.minimum(_divide(sigma, rate, xp.inf), span), 0.0),
         floored=xp.asarray(False)
         if above
-        else moves & (side.displacement > 0) & xp.any(_pieces(side, material, sigma).saturated > 0),
+        else moves
+        & (side.displacement > 0)
+        & xp.any(_pieces(side, material, sigma).saturated > 0, axis=-1),
         feasible=xp.logical_not(side.held) | (side.displacement <= most) | (span == 0),
     )
 
@@ -158,9 +163,9 @@ def _bounds(side: Side, material: Material) -> tuple[Array, Array]:
     """A guess of the push, exact for a cylinder above the lower bound, and an upper bound."""
     xp = namespace(side, material)
     rate, size, span = material.mu / material.k, xp.abs(side.displacement), side.span
-    stretchable = xp.sum(side.slope**2 * side.width)
+    stretchable = xp.sum(side.slope**2 * side.width, axis=-1)
     even = _divide(size, stretchable)
-    cap = xp.max(xp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0))
+    cap = xp.max(xp.where(side.width > 0, (1 - material.floor) / side.slope, 0.0), axis=-1)
     # q >= |d| / stretchable Y0_u^2 throughout
     high = even + rate * span
     high = xp.where(side.displacement > 0, xp.maximum(high, cap + rate * span), high)
@@ -176,7 +181,9 @@ def _root(side: Side, material: Material, guess: Array, high: Array) -> Array:
 
     def go_on(state):
         _, low, high, settled, steps = state
-        return xp.logical_not(settled) & (high - low > _CLOSE * high) & (steps < _MOST_STEPS)
+        return xp.any(xp.logical_not(settled) & (high - low > _CLOSE * high)) & (
+            steps < _MOST_STEPS
+        )
 
     def cut(state):
         sigma, low, high, _, steps = state
@@ -196,41 +203,41 @@ def _excess(side: Side, material: Material, sigma: Array) -> tuple[Array, Array]
     """D(sigma) - |d| and D'(sigma)."""
     xp = namespace(side, material, sigma)
     p, squares = _pieces(side, material, sigma), side.slope**2
-    displaced = xp.sum((p.cap * p.saturated + p.linear * (p.high + p.low) / 2) * squares)
-    return displaced - xp.abs(side.displacement), xp.sum(squares * p.linear)
+    moved = (p.cap * p.saturated + p.linear * (p.high + p.low) / 2) * squares
+    displaced = xp.sum(moved, axis=-1)
+    return displaced - xp.abs(side.displacement), xp.sum(squares * p.linear, axis=-1)
 
 
 def solve_sides(pair: tuple[Side, Side], material: Material) -> tuple[Push, Push]:
     """Both sides of a band, solved at once where that is compiled."""
     if namespace(pair, material) is not jnp:
         return solve_side(pair[0], material), solve_side(pair[1], material)
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *pair)
-    pushes = jax.vmap(solve_side, in_axes=(0, None))(stacked, material)
+    pushes = solve_side(jax.tree.map(lambda *leaves: jnp.stack(leaves), *pair), material)
     return jax.tree.map(lambda leaf: leaf[0], pushes), jax.tree.map(lambda leaf: leaf[1], pushes)
 
 
-def slope_change(side: Side, material: Material, sigma: Scalar) -> Float[Array, "n"]:
+def slope_change(side: Side, material: Material, sigma: Array) -> Float[Array, "*sides n"]:
     """(n,) integral of Y_u - Y0_u over each slice, in heights: negative in compression."""
     xp = namespace(side, material, sigma)
     p = _pieces(side, material, sigma)
     moved = p.cap * p.saturated + p.linear * (p.high + p.low) / 2
-    return -xp.sign(side.displacement) * moved * side.slope**2
+    return -_along(xp.sign(side.displacement)) * moved * side.slope**2
 
 
-def move_energy(side: Side, material: Material, push: Push) -> Float[Array, ""]:
+def move_energy(side: Side, material: Material, push: Push) -> Float[Array, "*sides"]:
     """E_move of the side (eq. 6) at its minimum, in the continuum."""
     xp = namespace(side, material, push)
     k, mu = material.k, material.mu
     p = _pieces(side, material, push.sigma)
     squares = p.cap**2 * p.saturated
     squares += p.linear * (p.high * p.high + p.high * p.low + p.low * p.low) / 3
-    strain = k / 2 * xp.sum(squares * side.slope**2)
+    strain = k / 2 * xp.sum(squares * side.slope**2, axis=-1)
     # |d(x)| = |d| - integral of q up to x, so its integral needs q's first moment only.
     middle = side.start + p.saturated + p.linear / 2
     moment = p.cap * p.saturated * (side.start + p.saturated / 2)
     moment += p.linear * ((p.high + p.low) / 2 * middle - (p.high - p.low) * p.linear / 12)
     stays = xp.maximum(xp.abs(side.displacement) - _displaced(side, material, push.sigma), 0.0)
-    return strain + mu * (stays * side.span + xp.sum(moment * side.slope**2))
+    return strain + mu * (stays * side.span + xp.sum(moment * side.slope**2, axis=-1))
 
 
 def edge_tension(side: Side, material: Material, push: Push, slope: Array) -> Array:
@@ -249,7 +256,7 @@ def edge_tension(side: Side, material: Material, push: Push, slope: Array) -> Ar
 
 
 def _displaced(side: Side, material: Material, sigma: Array) -> Array:
-    return abs(slope_change(side, material, sigma)).sum()
+    return abs(slope_change(side, material, sigma)).sum(axis=-1)
 
 
 class _Pieces(NamedTuple):
@@ -265,15 +272,20 @@ class _Pieces(NamedTuple):
 def _pieces(side: Side, material: Material, sigma: Array) -> _Pieces:
     xp = namespace(side, material, sigma)
     rate = material.mu / material.k
-    edge = sigma - rate * side.start
-    fall = rate * side.graded
-    compressed = side.displacement > 0
+    edge = _along(sigma) - rate * side.start
+    fall = rate * _along(side.graded)
+    compressed = _along(side.displacement) > 0
     cap = xp.where(compressed, (1 - material.floor) / side.slope, 0.0)
     begins = _divide(edge - cap, fall, xp.where(edge > cap, xp.inf, -xp.inf))
     saturated = xp.where(compressed, xp.clip(begins, 0.0, side.width), 0.0)
     vanishes = _divide(edge, fall, xp.where(edge > 0, xp.inf, -xp.inf))
     end = xp.clip(vanishes, saturated, side.width)
     return _Pieces(cap, saturated, end - saturated, edge - fall * saturated, edge - fall * end)
+
+
+def _along(value: Array) -> Array:
+    """A value for each side, for arithmetic with arrays of its slices."""
+    return namespace(value).asarray(value)[..., None]
 
 
 def _divide(a: Array, b: Array, otherwise: Array | float = 0.0) -> Array:

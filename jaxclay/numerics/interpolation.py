@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, fixed, namespace, pick, repeat
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, fixed, namespace, pick
 
 _NEIGHBOURS = 5  # nodes that a slope is taken from
 _LEAST, _MOST = 0.05, 2.5  # of a slice's own slope: what a cubic piece may have at its ends
-_CUTS = 12  # of a piece, for the inverse, before Newton's steps
+_CUTS = 64  # of a piece, and of one of those, for the inverse before Newton's steps
 
 
 class Interpolant(NamedTuple):
@@ -93,18 +93,17 @@ class Interpolant(NamedTuple):
         piece = pick(self.table, last_before(xp, self.heights[1:-1], height))
         wanted = height - piece[2]
 
-        def cut(bounds):
-            low, high = bounds
-            middle = (low + high) / 2
-            under = fixed(_above(piece, middle)) < fixed(wanted)
-            return xp.where(under, middle, low), xp.where(under, high, middle)
-
         def newton(s):
             return s - (_above(piece, s) - wanted) / (piece[1] * _slope(piece, s))
 
-        low, high = repeat(_CUTS, cut, fixed((0.0 * wanted, 0.0 * wanted + 1)))
+        # Monotone: all places below the root, in a piece cut twice, are counted at once.
+        low = 0.0 * wanted
+        for cut in (_CUTS, _CUTS**2):
+            places = fixed(low)[..., None] + xp.arange(_CUTS) / cut
+            under = _above(fixed(piece)[..., None], places) < fixed(wanted)[..., None]
+            low = low + xp.maximum(under.sum(axis=-1) - 1, 0) / cut
         # One step makes it exact, two carry the derivatives of the inverse, up to the third.
-        s = fixed(newton(fixed(xp.where(wanted > 0, (low + high) / 2, 0.0))))
+        s = fixed(newton(fixed(xp.where(wanted > 0, low + 0.5 / _CUTS**2, 0.0))))
         s = newton(newton(s))
         s = xp.where(wanted > 0, xp.clip(s, 0.0, 1.0), 0.0)
         return piece[0] + s * piece[1]

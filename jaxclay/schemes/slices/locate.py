@@ -21,16 +21,21 @@ import numpy as np
 from jaxclay.model.band import Band, Tool
 from jaxclay.model.material import Material
 from jaxclay.model.side import Side, edge_tension, move_energy, solve_side
-from jaxclay.numerics.arrays import Array, fixed, iterate, namespace, repeat
+from jaxclay.numerics.arrays import Array, Float, fixed, namespace, repeat
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.numerics.roots import follow
 from jaxclay.schemes.slices.moments import Moments, moments
 
+_WAY = np.array([[-1.0], [1.0]])  # that the sides reach, below and above
 _LEAST = 1e-5  # share of the clay below a band above the bottom, and above one below the top
 _PLACES_AT_ONCE = 33  # of the search
-_ROUNDS, _MORE_ROUNDS = 2, 7  # before false position on the host, and compiled
+_ROUNDS = 7  # of the search where it is compiled
+_MOST_LOOKS = 20
+_CLOSER = 10.0 ** -np.arange(14)  # places about a root, as shares of the way to it
+_MARKS = 65  # nodes that a first guess is told from, at most
 _NEWTON = 40
 _NEARLY = 1e-6  # of the reach: two more steps are exact
+_NOTHING = 1e-10  # of a reach, as a share of the clay: D is rounded to more than that changes
 _EXACT = 1e-13  # share of the clay
 
 
@@ -47,7 +52,6 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
     k, mu = material.k, material.mu
     upper = xp.minimum(lower + share, 1.0)
     edge = xp.stack([lower, upper])
-    way = xp.asarray([[-1.0], [1.0]])
     span = xp.stack([lower, 1 - upper])
     held = xp.stack([lower >= 0, xp.asarray(tool.top_fixed) & (upper <= 1)])
     height = table.rest.height(edge)
@@ -58,14 +62,14 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
     def integrals(upto):
         c = upto - base
         first = c[1] - edge * c[0]
-        return way * c[0], first, way * (c[2] - 2 * edge * c[1] + edge**2 * c[0])
+        return _WAY * c[0], first, _WAY * (c[2] - 2 * edge * c[1] + edge**2 * c[0])
 
     def reached(reach):
-        return table.upto(xp.minimum(xp.maximum(edge + way * reach, 0.0), 1.0))
+        return table.upto(xp.minimum(xp.maximum(edge + _WAY * reach, 0.0), 1.0))
 
     def displaced(reach):
         c = reached(reach) - base
-        m0, m1 = way * c[0], c[1] - edge * c[0]
+        m0, m1 = _WAY * c[0], c[1] - edge * c[0]
         return rate * (reach * m0 - m1), rate * m0
 
     # The integrals to the ends of the clay.
@@ -81,10 +85,11 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
 
     def nearly(reach):
         new = newton(reach)
-        return xp.where(abs(new - reach) > _NEARLY * new, new, reach)
+        return xp.where(abs(new - reach) > _NEARLY * new + _NOTHING, new, reach)
 
-    guess = xp.sqrt(2 * size / xp.where(rate > 0, rate, 1.0)) / slope
-    guess = xp.where(inside, xp.minimum(guess, span), span)
+    ends = span, whole[0], span * whole[0] - whole[1]
+    guess = _guess(table, edge, base, size / xp.where(rate > 0, rate, 1.0), ends)
+    guess = xp.where(inside, guess, span)
     # One step makes it exact, two carry its derivatives.
     reach = newton(fixed(newton(fixed(repeat(_NEWTON, nearly, fixed(guess))))))
     m0, m1, m2 = integrals(reached(reach))
@@ -100,32 +105,53 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
     return _floored(table.rest, material, _Sides(energy, tension), edge, d, held, sigma)
 
 
+def _guess(table: Moments, edge, base, wanted, ends) -> Array:
+    """The reach r where D = r m_0 - m_1 is ``wanted``, told from some of the nodes.
+
+    Between two of them D is taken as quadratic; ``ends`` are r, m_0 and D at the end of the clay.
+    """
+    xp = namespace(table, edge, wanted)
+    every = -(-table.rest.nodes.shape[0] // _MARKS)
+    span, _, most = ends
+    at, base, sought = edge[..., None], base[..., None], wanted[..., None]
+    reach = _WAY[..., None] * (table.rest.nodes[::every] - at)
+    first = table.sums[:2, None, None, ::every] - base[:2]
+    grown = _WAY[..., None] * first[0]
+    value = reach * grown - first[1] + at * first[0]
+    under, over = ((reach > 0) & side for side in (value < sought, value >= sought))
+    r, m, low = (xp.max(xp.where(under, each, 0.0), axis=-1) for each in (reach, grown, value))
+    end = xp.min(xp.where(over, reach, span[..., None]), axis=-1)
+    high = xp.min(xp.where(over, value, most[..., None]), axis=-1)
+    width = xp.where(end > r, end - r, 1.0)
+    bend = 2 * xp.maximum(high - low - m * width, 0.0) / width**2
+    left = xp.maximum(wanted - low, 0.0)
+    root = m + xp.sqrt(m**2 + 2 * bend * left)
+    return xp.minimum(r + 2 * left / xp.where(root > 0, root, 1.0), end)
+
+
 def _floored(rest, material: Material, free: _Sides, edge, d, held, sigma) -> _Sides:
     """The same where no slice may be thinner than the floor allows."""
     xp = namespace(rest, material, free, edge, d, held, sigma)
     mean = rest.thickness / (rest.nodes[1:] - rest.nodes[:-1])
     binds = (d > 0) & (sigma * rest.steepest > 1 - material.floor)
 
-    def answer(low, at, d, held):
-        start = xp.where(
-            low, at - xp.minimum(rest.nodes, at)[1:], xp.maximum(rest.nodes, at)[:-1] - at
-        )
-        stop = xp.where(
-            low, at - xp.minimum(rest.nodes, at)[:-1], xp.maximum(rest.nodes, at)[1:] - at
-        )
-        side = Side(start, stop, mean, d, held, xp.ones(()))
+    def answer(way, at, d, held):
+        away = xp.maximum(way[..., None] * (rest.nodes - at[..., None]), 0.0)
+        low, high = away[..., :-1], away[..., 1:]
+        side = Side(xp.minimum(low, high), xp.maximum(low, high), mean, d, held, xp.ones(()))
         push = solve_side(side, material)
         return move_energy(side, material, push), edge_tension(side, material, push, rest.slope(at))
 
-    below = xp.asarray([[True], [False]]) & (d == d)
+    way, held = (xp.broadcast_to(each, d.shape) for each in (_WAY, held))
     if xp is np:
-        energy, tension = np.array(free.energy), np.array(free.tension)
-        for place in zip(*np.nonzero(binds), strict=True):
-            energy[place], tension[place] = answer(below[place], edge[place], d[place], held[place])
-        return _Sides(energy, tension)
+        if binds.any():
+            floored = answer(way[binds], edge[binds], d[binds], held[binds])
+            for all_of_them, new in zip(free, floored, strict=True):
+                all_of_them[binds] = new
+        return free
 
     def every():
-        floored = jax.vmap(jax.vmap(answer))(below, edge, d, held & (d == d))
+        floored = answer(way, edge, d, held)
         return tuple(xp.where(binds, a, b) for a, b in zip(floored, free, strict=True))
 
     return _Sides(*jax.lax.cond(xp.any(binds), every, lambda: tuple(free)))
@@ -200,26 +226,30 @@ def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
         return both.energy[0] + both.energy[1], both.tension[1] - both.tension[0]
 
     last = _PLACES_AT_ONCE - 1
+    lowest, highest = fixed((low, high))
 
-    def narrow(state):
-        left, right, _, _, turn = state
-        places = left + (right - left) * xp.arange(last + 1) / last
+    def spread(left, right):
+        return left + (right - left) * xp.arange(last + 1) / last
+
+    if xp is np:
+        places = spread(low, high)
+        energies, slopes = look(places)
+        best = int(np.argmin(energies))
+        return _sign_change(lambda u: look(u)[1], places, slopes, max(best - 1, 0), best + 1)
+
+    def narrow(turn, ends):
+        left, right, _, _ = ends
+        places = spread(left, right)
         energies, slopes = look(places)
         best = xp.argmin(energies)
         rising = xp.sum(xp.cumprod(slopes < 0))  # of the first place where energy rises
         first = xp.where(turn == 0, xp.maximum(best - 1, 0), xp.maximum(rising - 1, 0))
         after = xp.where(turn == 0, xp.minimum(best + 1, last), xp.minimum(rising, last))
-        return places[first], places[after], slopes[first], slopes[after], turn + 1
+        return places[first], places[after], slopes[first], slopes[after]
 
-    lowest, highest = fixed((low, high))
-    ends = (lowest, highest, 0 * lowest, 0 * highest, xp.asarray(0))
-    if xp is np:
-        for _ in range(_ROUNDS):
-            ends = narrow(ends)
-        return _sign_change(lambda u: look(u[None])[1][0], *ends[:4])
     # Compiled, the search is one loop, and Newton's steps finish it.
-    ends = jax.lax.fori_loop(0, _MORE_ROUNDS, lambda _, ends: narrow(ends), ends)
-    left, right, falls, rises, _ = fixed(ends)
+    ends = jax.lax.fori_loop(0, _ROUNDS, narrow, (lowest, highest, 0 * lowest, 0 * highest))
+    left, right, falls, rises = fixed(ends)
     root = xp.where(falls >= 0, left, xp.where(rises <= 0, right, (left + right) / 2))
     found = follow(lambda u: look(u[None], known)[1][0], root, exactly=True)
     found = xp.where((falls <= 0) & (rises >= 0), found, root)
@@ -227,33 +257,41 @@ def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
     return xp.where((right == highest) & (rises < 0), high, found)
 
 
-def _sign_change(slope, left, right, low, high):
-    """Where a rising function passes 0 between two places, or the end nearer to that.
+def _sign_change(
+    slope, places: Float[Array, "m"], slopes: Float[Array, "m"], first: int, last: int
+) -> Float[Array, ""]:
+    """Where a rising function passes 0 from the first to the last of the places, else that end.
 
-    False position, whose end is halved where it stays twice (Illinois).
+    What the four places nearest say is looked at along with places closer and closer to it: so
+    one look brackets the root as narrowly as the one before told it.
     """
-    xp = namespace(left, right, low, high)
+    for _ in range(_MOST_LOOKS):
+        i = first + int(np.cumprod(slopes[first : last + 1] < 0).sum())  # where it rises
+        if i == first or i > min(last, len(places) - 1):
+            return places[min(i, len(places) - 1)]
+        left, right = places[i - 1], places[i]
+        root, error = _told(slopes[max(i - 2, 0) : i + 2], places[max(i - 2, 0) : i + 2])
+        if not left <= root <= right:
+            root, error = (
+                (slopes[i] * left - slopes[i - 1] * right) / (slopes[i] - slopes[i - 1]),
+                np.inf,
+            )
+        if min(error, right - left) <= _EXACT:
+            break
+        near = [root - (root - left) * _CLOSER, root + (right - root) * _CLOSER[::-1]]
+        places = np.concatenate(near)
+        slopes, first, last = slope(places), 0, len(places) - 1
+    return np.asarray(root)
 
-    def cut(state):
-        left, right, low, high, last, way, _ = state
-        share = low / xp.where(high > low, low - high, 1.0)
-        middle = left + xp.where((share > 0) & (share < 1), share, 0.5) * (right - left)
-        value = slope(middle)
-        falls = value < 0
-        stale = xp.where(falls == way, 0.5, 1.0)
-        return (
-            xp.where(falls, middle, left),
-            xp.where(falls, right, middle),
-            xp.where(falls, value, low * stale),
-            xp.where(falls, high * stale, value),
-            middle,
-            falls,
-            (abs(middle - last) <= _EXACT) | (value == 0),
-        )
 
-    def go_on(state):
-        return xp.logical_not(state[-1])
-
-    first = left, right, low, high, left, low < low, (low >= 0) | (high <= 0)
-    found = iterate(go_on, cut, first)[4]
-    return fixed(xp.where(low >= 0, left, xp.where(high <= 0, right, found)))
+def _told(values: Float[Array, "k"], places: Float[Array, "k"]) -> tuple[float, float]:
+    """Where values pass 0 by inverse interpolation (Neville), and how far lower degrees differ."""
+    if not (np.diff(values) > 0).all():
+        return np.nan, np.inf
+    x, told, before = values.tolist(), places.tolist(), []
+    for k in range(1, len(x)):
+        before = told
+        told = [
+            (x[i + k] * told[i] - x[i] * told[i + 1]) / (x[i + k] - x[i]) for i in range(len(x) - k)
+        ]
+    return told[0], max(abs(told[0] - each) for each in before)

@@ -38,10 +38,10 @@ def _in_piece(piece: Array, u: Array) -> Array:
     They are polynomials of degree 6 at most: four Gauss points are exact.
     """
     xp = namespace(piece, u)
-    low, width, _, a, b, c = piece
-    length = u - low
-    at = xp.multiply.outer(_PLACES, length)
+    low, width, _, a, b, c = piece[..., None]
+    length = (u - piece[0])[..., None]
+    at = length * _PLACES
     s, u = at / width, low + at
-    value = (a + s * (2 * b + 3 * c * s)) ** 2
-    sums = xp.stack([value, u * value, u * u * value])
-    return xp.tensordot(sums, _WEIGHTS, ((1,), (0,))) * length
+    value = (a + s * (2 * b + 3 * c * s)) ** 2 * length
+    first = u * value
+    return xp.stack([value, first, u * first]) @ _WEIGHTS
