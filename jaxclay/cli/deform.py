@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from jaxclay.clay.clay import Converted
-from jaxclay.files.profiles import PROFILES, is_special, loaded, save_profile
+from jaxclay.files.profiles import PROFILES, loaded, save_profile
+from jaxclay.files.replacing import is_special, replacing
 from jaxclay.files.svg import save_svg
 from jaxclay.methods import METHODS
 from jaxclay.model.material import Material
@@ -156,8 +157,6 @@ def _check_targets(*targets: Path | None) -> None:
 def _write(solution: Solution, options: argparse.Namespace) -> None:
     """Write all files, or none: each appears when the last has been made."""
     from contextlib import ExitStack
-
-    from jaxclay.files.profiles import replacing
 
     with ExitStack() as files:
         if options.plot is not None:

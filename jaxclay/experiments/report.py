@@ -23,7 +23,7 @@ from jaxclay.experiments.frames import groups, records, select
 from jaxclay.experiments.peers import PEERS
 from jaxclay.experiments.results import curves, table
 from jaxclay.experiments.store import experiments
-from jaxclay.files.profiles import replacing
+from jaxclay.files.replacing import replacing
 from jaxclay.methods import METHODS
 
 _TEMPLATE = Path(__file__).parent / "report.html.jinja"

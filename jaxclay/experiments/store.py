@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from jaxclay.experiments.columns import SCHEMA
 from jaxclay.experiments.solving.rows import Row
-from jaxclay.files.profiles import replacing
+from jaxclay.files.replacing import replacing
 
 _FOLDER, _EXPERIMENTS = "results", "experiments"
 _PATTERN = "part-*.parquet"

@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import csv
 import os
-import secrets
-import tempfile
 from collections.abc import Callable
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +19,7 @@ import numpy as np
 from jaxclay.clay.clay import Clay, Converted
 from jaxclay.clay.contour import check_rises, polyline, slice_points
 from jaxclay.clay.slicing import clip_radii
+from jaxclay.files.replacing import replacing
 from jaxclay.files.tables import COLUMNS, Comment, as_finite, read_table
 from jaxclay.numerics.checks import check_positive
 from jaxclay.numerics.distance import farthest
@@ -215,35 +213,3 @@ def _rows(clay: Clay) -> dict[str, np.ndarray]:
 def _rising(y: np.ndarray) -> np.ndarray:
     """Heights of rows that rise: where the radius jumps, its upper value is a rounding higher."""
     return np.where(np.append(False, np.diff(y) <= 0), np.nextafter(y, np.inf), y)
-
-
-@contextmanager
-def replacing(path: str | os.PathLike):
-    """A new file to write that takes the place of ``path`` when the block ends well.
-
-    A link stays, and what it names is replaced; the mode of a file that was there is kept.  What
-    is no regular file, such as a pipe or a device, gets the new file's bytes instead.
-    """
-    if is_special(path):
-        with tempfile.TemporaryDirectory() as folder:
-            temporary = Path(folder) / Path(path).name
-            yield temporary
-            with open(path, "wb") as target:
-                target.write(temporary.read_bytes())
-        return
-    suffix, path = Path(path).suffix, Path(os.path.realpath(path))
-    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{suffix}")
-    # Made as open() makes a file, so that it has the mode that the user's umask gives.
-    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    try:
-        yield temporary
-        if path.exists():
-            temporary.chmod(path.stat().st_mode & 0o777)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def is_special(path: str | os.PathLike) -> bool:
-    """Whether there is something that is no regular file, itself or by a link."""
-    return os.path.exists(path) and not os.path.isfile(path)

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import check_rises
-from jaxclay.files.profiles import replacing
+from jaxclay.files.replacing import replacing
 from jaxclay.numerics.checks import check_positive
 
 _FILL = "#E8D5C0"

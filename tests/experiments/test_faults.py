@@ -128,7 +128,7 @@ def read_only(folder, monkeypatch):
         path.chmod(stat.S_IMODE(modes[path]) & ~0o222)
     if os.access(folder, os.W_OK):  # root may write all the same
         monkeypatch.setattr(Path, "mkdir", refused)
-        monkeypatch.setattr("jaxclay.files.profiles.os.open", refused)
+        monkeypatch.setattr("jaxclay.files.replacing.os.open", refused)
     yield folder
     for path in paths:
         path.chmod(stat.S_IMODE(modes[path]))
