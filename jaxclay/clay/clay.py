@@ -9,15 +9,17 @@ X_i = r0 sqrt(h_i / t_i) (eq. 22), with r0 = sqrt(volume / pi).
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from jaxclay.clay import text
-from jaxclay.clay.contour import contour_error
+from jaxclay.clay.contour import contour_error, polyline, slice_points
 from jaxclay.clay.html import clay_html
-from jaxclay.clay.slicing import clip_radii, equal_volume_heights
+from jaxclay.clay.outline import Outline, outline
+from jaxclay.clay.slicing import cut_near, equal_volume_heights, volume_below
 from jaxclay.numerics.arrays import Array, Float, Scalar, namespace
 from jaxclay.numerics.checks import (
     check_increasing,
@@ -26,8 +28,11 @@ from jaxclay.numerics.checks import (
     check_slices,
     within,
 )
+from jaxclay.numerics.distance import farthest
 from jaxclay.numerics.host import is_concrete, kept, pytree
 from jaxclay.numerics.interpolation import Interpolant, interpolant
+
+NEAR = 1e-5  # of l: how near the slices of a profile are to it, if nobody says
 
 
 @pytree
@@ -123,9 +128,9 @@ class Clay:
 
     @classmethod
     def from_profile(
-        cls, heights, radii, slices: int = 64, minimum_radius: float | None = None
+        cls, heights, radii, slices: int | None = None, minimum_radius: float | None = None
     ) -> Clay:
-        """Clay from a measured contour, cut into slices of equal volume.
+        """Clay from a measured contour.
 
         The contour is the polyline through the points (radii, heights), so the
         solid is a stack of cone frusta; its volume is kept exactly.  Its lowest
@@ -134,18 +139,24 @@ class Clay:
         Parameters
         ----------
         heights, radii : (m,) array_like, same length unit
-            From bottom to top, m >= 2: heights increasing, radii positive.
-        slices : int
-            n, how many slices of equal volume.
+            From bottom to top, or as :func:`jaxclay.clay.outline.outline` takes them.
+        slices : int, optional
+            n, how many slices of equal volume.  If not given, as many as bring the contour within
+            1e-5 l of the points' (16,384 at most), of unequal volume where it turns.
         minimum_radius : float, optional
-            Radii below it are raised to it.  Give it to clip a pointed tip.
+            Radii below it are raised to it; if not given, a tip on the axis to three hundredths of
+            the largest.
 
         Raises
         ------
         ValueError
             Names the first bad value, its place and what is allowed.
+
+        Warns
+        -----
+        UserWarning
+            A tip was clipped without being asked for, or two halves averaged.
         """
-        check_slices(slices)
         heights = np.asarray(heights, np.float64)
         radii = np.asarray(radii, np.float64)
         if heights.ndim != 1 or heights.shape != radii.shape or heights.size < 2:
@@ -153,12 +164,10 @@ class Clay:
                 "heights and radii must be two lists of the same length, at least 2: got shapes "
                 f"{heights.shape} and {radii.shape}"
             )
-        check_increasing(heights, "heights")
-        radii = clip_radii(radii, minimum_radius)
-        y = equal_volume_heights(heights - heights[0], radii, slices)
-        steps, ra, rb = np.diff(heights), radii[:-1], radii[1:]
-        third = np.sum(steps * (ra * ra + ra * rb + rb * rb)) / 3  # volume / pi
-        return cls(heights=y, thickness=np.diff(y), r0=np.sqrt(third), unit=y[-1])
+        drawn = outline(heights, radii, minimum_radius)
+        if drawn.altered:
+            warnings.warn(", ".join(drawn.altered), stacklevel=2)
+        return cut(drawn, slices).clay
 
     @property
     def slices(self) -> int:
@@ -255,6 +264,28 @@ class Converted(NamedTuple):
 
     clay: Clay
     error: float
+
+
+def cut(drawn: Outline, slices: int | None = None, near: float = NEAR) -> Converted:
+    """Clay from an outline, its volume kept exactly, and how far its contour is off, over l.
+
+    In ``slices`` of equal volume, or if that is None in as many as bring it within ``near`` of l.
+    """
+    if slices is not None:
+        check_slices(slices)
+    y, radii = drawn.heights - drawn.heights[0], drawn.radii
+    r0, unit = np.sqrt(volume_below(y, radii)[-1]), y[-1]
+
+    def clay(heights, nodes=None, edges=None) -> Clay:
+        return Clay(heights, np.diff(heights), r0, unit, nodes, edges)
+
+    if slices is not None:
+        found = clay(equal_volume_heights(y, radii, slices))
+    else:
+        found = clay(*cut_near(y, radii, near * unit, lambda *parts: slice_points(clay(*parts))))
+    inner = np.stack([radii, y], axis=1)
+    line, contour = np.concatenate([[[0, 0]], inner, [[0, unit]]]), polyline(found)
+    return Converted(found, max(farthest(contour, line), farthest(line, contour)) / float(unit))
 
 
 def equal_nodes(slices: int) -> Float[Array, "{slices}+1"]:

@@ -25,9 +25,7 @@ def farthest(line: Float[Array, "m 2"], other: Float[Array, "k 2"], limit: float
     points = line[:-1] + fraction * np.diff(line, axis=0)
     points = np.concatenate([points.transpose(1, 0, 2).reshape(-1, 2), line[-1:]])
     # No point is farther away than the segment beside it or either end ...
-    last = len(other) - 2
-    beside = np.clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last)
-    bound = np.min([distances(points, other, segment) for segment in (beside, 0, last)], axis=0)
+    bound = _bound(points, other)
     # ... nor than a point before or after it and the way there: few points need a closer look.
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     best = 0.0
@@ -44,6 +42,17 @@ def farthest(line: Float[Array, "m 2"], other: Float[Array, "k 2"], limit: float
         for j in (np.maximum(after - 1, 0), np.minimum(after, len(some) - 1)):
             bound = np.minimum(bound, exact[j] + np.abs(way - way[some[j]]))
     return float(best)
+
+
+def nearest(points: Float[Array, "p 2"], other: Float[Array, "k 2"]) -> Float[Array, "p"]:
+    """(p,) distance of each point (p, 2) to the polyline ``other`` (k, 2), which must not fall."""
+    return _nearest(points, other, _bound(points, other))
+
+
+def _bound(points: np.ndarray, other: np.ndarray) -> np.ndarray:
+    last = len(other) - 2
+    beside = np.clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last)
+    return np.min([distances(points, other, segment) for segment in (beside, 0, last)], axis=0)
 
 
 def _nearest(points: np.ndarray, other: np.ndarray, bound: np.ndarray) -> np.ndarray:

@@ -78,21 +78,22 @@ def test_any_profile_keeps_its_volume(steps, seed, slices):
 def test_pointed_tip_is_clipped_on_request():
     clay = Clay.from_profile([0, 1, 2], [1, 1, 0], minimum_radius=0.1)
     assert clay.volume == pytest.approx(frusta_volume([0, 1, 2], [1, 1, 0.1]), rel=1e-14)
-    with pytest.raises(ValueError, match=r"radii\[2\] is 0.*minimum_radius clips a pointed tip"):
-        Clay.from_profile([0, 1, 2], [1, 1, 0])
+    with pytest.warns(UserWarning, match="radius 0 at the top clipped to the floor 0.03"):
+        clay = Clay.from_profile([0, 1, 2], [1, 1, 0])
+    assert clay.volume == pytest.approx(frusta_volume([0, 1, 2], [1, 1, 0.03]), rel=1e-14)
 
 
 @pytest.mark.parametrize(
     ("heights", "radii", "options", "message"),
     [
-        ([0, 2, 1], [1, 1, 1], {}, r"heights\[2\] = 1 follows heights\[1\] = 2"),
-        ([0, 1, 1], [1, 1, 1], {}, r"heights must increase"),
-        ([0, np.nan, 1], [1, 1, 1], {}, r"heights\[1\] is nan"),
-        ([0, 1, np.inf], [1, 1, 1], {}, r"heights\[2\] is inf"),
-        ([0, 1], [1, 0], {}, r"radii\[1\] is 0"),
-        ([0, 1], [-2, 1], {}, r"radii\[0\] is -2"),
-        ([0, 1], [-2, 1], {"minimum_radius": 0.1}, r"radii\[0\] is -2"),
-        ([0, 1], [1, np.nan], {}, r"radii\[1\] is nan"),
+        ([0, 2, 1.5], [1, 1, 1], {}, r"point 2: height 1.5 follows 2: the wall overhangs"),
+        ([1, 1, 1], [1, 1, 1], {}, r"point 0: 3 rows of one height"),
+        ([0, np.nan, 1], [1, 1, 1], {}, r"point 1: height is nan"),
+        ([0, 1, np.inf], [1, 1, 1], {}, r"point 2: height is inf"),
+        ([0, 1, 2], [1, 0, 1], {}, r"point 1: radius is 0 between the ends"),
+        ([0, 1], [-2, 1], {}, r"point 0: radius is -2, alone on the left"),
+        ([0, 1], [-2, 1], {"minimum_radius": 0.1}, r"point 0: radius is -2"),
+        ([0, 1], [1, np.nan], {}, r"point 1: radius is nan"),
         ([0, 1], [1, 1, 1], {}, r"same length.*\(2,\) and \(3,\)"),
         ([0], [1], {}, r"at least 2"),
         ([0, 1], [1, 1], {"slices": 2}, r"slices .* at least 3, got 2"),
