@@ -52,7 +52,6 @@ MODULES = {
     "sweep.tables": "experiments.entries.tables",
     "sweep.columns": "experiments.columns",
     "system": "schemes.system",
-    "tables": "files.tables",
 }
 """Old names of modules and packages below ``jaxclay``, and the new ones."""
 

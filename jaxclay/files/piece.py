@@ -40,6 +40,16 @@ from typing import Any
 import numpy as np
 
 from jaxclay.clay.clay import Clay
+from jaxclay.files.checked import (
+    Raw,
+    as_list,
+    as_number,
+    as_numbers,
+    as_object,
+    as_pairs,
+    parsed,
+    short,
+)
 from jaxclay.files.replacing import replacing
 from jaxclay.files.units import UNITS
 from jaxclay.model.material import Material
@@ -55,7 +65,6 @@ _CONSTANTS = tuple(field.name for field in dataclasses.fields(Material))
 _STROKE = ("side", "size", "face", "material", "path", "kind")
 _PIECE = ("version", "unit", "length_unit", *_CLAY, "material", "start", "strokes")
 _OPTIONAL = ("length_unit", "thickness")
-Raw = dict[str, Any]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +99,7 @@ class Stroke:
     def __post_init__(self):
         for name, allowed in (("side", _SIDES), ("kind", _KINDS)):
             if (value := getattr(self, name)) not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {_short(value)}")
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {short(value)}")
         check_positive("size", self.size)
         if not 0 <= self.face <= self.size:
             raise ValueError(f"face must lie between 0 and size {self.size:g}, got {self.face:g}")
@@ -144,7 +153,7 @@ class Piece:
         put(self, "base", float(self.base))
         if self.length_unit is not None and self.length_unit not in UNITS:
             raise ValueError(
-                f"length_unit must be one of {', '.join(UNITS)}, got {_short(self.length_unit)}"
+                f"length_unit must be one of {', '.join(UNITS)}, got {short(self.length_unit)}"
             )
         start = self.clay if self.start is None else self.start
         if start.unit != self.clay.unit:
@@ -207,27 +216,31 @@ def piece_of_json(text: str) -> Piece:
         version, a key that is missing, unknown, twice there or of the wrong type, numbers that
         are not finite, no clay.
     """
-    raw = _parsed(text)
+    if len(text) > _MOST_BYTES:
+        raise ValueError(f"larger than any piece: more than {_MOST_BYTES // 2**20} MiB")
+    raw = parsed(text)
+    if not isinstance(raw, dict):
+        raise ValueError(f"no piece: must be an object with the keys {', '.join(_PIECE)}")
     version = raw.get("version")
     if type(version) is int and version > VERSION:
         raise ValueError(
-            f"a piece of version {_short(version)}, but this jaxclay reads version {VERSION}: "
+            f"a piece of version {short(version)}, but this jaxclay reads version {VERSION}: "
             "open it with a newer jaxclay"
         )
     if type(version) is not int or version != VERSION:
-        raise ValueError(f"no piece: version must be {VERSION}, got {_short(version)}")
-    _check_keys(raw, _PIECE, "the piece")
-    unit = _number(raw["unit"], "unit")
+        raise ValueError(f"no piece: version must be {VERSION}, got {short(version)}")
+    as_object(raw, "the piece", _PIECE, _OPTIONAL)
+    unit = as_number(raw["unit"], "unit")
     check_positive("unit", unit)
     clay, base = _clay(raw, unit, "")
-    start, foot = _clay(_object(raw["start"], "start", _CLAY), unit, "start.")
+    start, foot = _clay(as_object(raw["start"], "start", _CLAY, _OPTIONAL), unit, "start.")
     if foot != base:
         raise ValueError(f"start stands at {foot:g}, but the piece at {base:g}: it does not move")
-    strokes = _list(raw["strokes"], "strokes", _MOST_POINTS)
+    strokes = as_list(raw["strokes"], "strokes", _MOST_POINTS)
     length_unit = raw.get("length_unit")
     material = _material(raw["material"], "material")
     if length_unit is not None and not isinstance(length_unit, str):
-        raise ValueError(f"length_unit must be a text or null, got {_short(length_unit)}")
+        raise ValueError(f"length_unit must be a text or null, got {short(length_unit)}")
     found = tuple(_stroke(stroke, f"strokes[{i}]") for i, stroke in enumerate(strokes))
     if sum(len(stroke.path) for stroke in found) > _MOST_POINTS:
         raise ValueError(f"strokes have more than {_MOST_POINTS} points")
@@ -264,84 +277,9 @@ def _constants(material: Material) -> Raw:
     return {name: float(getattr(material, name)) for name in _CONSTANTS}
 
 
-def _parsed(text: str) -> Raw:
-    if len(text) > _MOST_BYTES:
-        raise ValueError(f"larger than any piece: more than {_MOST_BYTES // 2**20} MiB")
-    try:
-        raw = json.loads(text, object_pairs_hook=_once, parse_int=_whole, parse_constant=_no)
-    except json.JSONDecodeError as error:
-        line = f"line {error.lineno}, column {error.colno}"
-        raise ValueError(f"no piece, damaged or cut off: {error.msg}, {line}") from None
-    except RecursionError:
-        raise ValueError("no piece: brackets within brackets, too deep") from None
-    if not isinstance(raw, dict):
-        raise ValueError(f"no piece: must be an object with the keys {', '.join(_PIECE)}")
-    return raw
-
-
-def _once(pairs: list[tuple[str, Any]]) -> Raw:
-    found: Raw = {}
-    for key, value in pairs:
-        if key in found:
-            raise ValueError(f"the key {_short(key)} is there twice")
-        found[key] = value
-    return found
-
-
-def _whole(digits: str) -> int | float:
-    return int(digits) if len(digits) < 20 else float(digits)  # of any length, in no time
-
-
-def _no(name: str) -> None:
-    raise ValueError(f"{name} is no number of a piece: all must be finite")
-
-
-def _check_keys(raw: Raw, keys: tuple[str, ...], where: str) -> None:
-    for key in keys:
-        if key not in raw and key not in _OPTIONAL:
-            raise ValueError(f"{where} has no key {key!r}: it needs {', '.join(keys)}")
-    for key in raw:
-        if key not in keys:
-            raise ValueError(f"{where} has an unknown key {_short(key)}: {', '.join(keys)} are all")
-
-
-def _object(value: Any, where: str, keys: tuple[str, ...]) -> Raw:
-    if not isinstance(value, dict):
-        raise ValueError(f"{where} must be an object with the keys {', '.join(keys)}")
-    _check_keys(value, keys, where)
-    return value
-
-
-def _list(value: Any, where: str, most: int) -> list[Any]:
-    if not isinstance(value, list) or len(value) > most:
-        raise ValueError(f"{where} must be a list of at most {most}, got {_short(value)}")
-    return value
-
-
-def _number(value: Any, where: str) -> float:
-    number = float(value) if type(value) in (int, float) else math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{where} must be a finite number, got {_short(value)}")
-    return number
-
-
-def _numbers(value: Any, where: str) -> np.ndarray:
-    values = enumerate(_list(value, where, _MOST_NODES))
-    return np.array([_number(one, f"{where}[{i}]") for i, one in values])
-
-
-def _pairs(value: Any, where: str, most: int) -> list[tuple[float, float]]:
-    rows = []
-    for i, row in enumerate(_list(value, where, most)):
-        if not isinstance(row, list) or len(row) != 2:
-            raise ValueError(f"{where}[{i}] must be two numbers, got {_short(row)}")
-        rows.append((_number(row[0], f"{where}[{i}][0]"), _number(row[1], f"{where}[{i}][1]")))
-    return rows
-
-
 def _clay(raw: Raw, unit: float, where: str) -> tuple[Clay, float]:
     """The clay and the height that it stands at."""
-    nodes, y = (_numbers(raw[key], where + key) for key in ("nodes", "heights"))
+    nodes, y = (as_numbers(raw[key], where + key, _MOST_NODES) for key in ("nodes", "heights"))
     check_nodes(f"{where}nodes", nodes)
     if len(y) != len(nodes):
         raise ValueError(f"{where}heights must be {len(nodes)}, one a node, got {len(y)}")
@@ -349,37 +287,33 @@ def _clay(raw: Raw, unit: float, where: str) -> tuple[Clay, float]:
     heights, base = y - y[0], float(y[0])
     check_increasing(heights, f"{where}heights over the first")
     given = raw.get("thickness")
-    thickness = np.diff(heights) if given is None else _numbers(given, f"{where}thickness")
-    edges = np.reshape(_pairs(raw["edges"], f"{where}edges", 2 * _MOST_NODES), (-1, 2))
+    thickness = (
+        np.diff(heights) if given is None else as_numbers(given, f"{where}thickness", _MOST_NODES)
+    )
+    edges = np.reshape(as_pairs(raw["edges"], f"{where}edges", 2 * _MOST_NODES), (-1, 2))
     try:
-        return Clay(heights, thickness, _number(raw["r0"], f"{where}r0"), unit, nodes, edges), base
+        return Clay(
+            heights, thickness, as_number(raw["r0"], f"{where}r0"), unit, nodes, edges
+        ), base
     except ValueError as error:
         raise ValueError(f"{where.rstrip('.') or 'the piece'} is no clay: {error}") from None
 
 
 def _material(value: Any, where: str) -> Material:
-    raw = _object(value, where, _CONSTANTS)
+    raw = as_object(value, where, _CONSTANTS)
     try:
-        return Material(**{name: _number(raw[name], name) for name in _CONSTANTS})
+        return Material(**{name: as_number(raw[name], name) for name in _CONSTANTS})
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
 
 
 def _stroke(value: Any, where: str) -> Stroke:
-    raw = _object(value, where, _STROKE)
-    path = tuple(_pairs(raw["path"], f"{where}.path", _MOST_POINTS))
-    size, face = (_number(raw[key], f"{where}.{key}") for key in ("size", "face"))
+    raw = as_object(value, where, _STROKE)
+    path = tuple(as_pairs(raw["path"], f"{where}.path", _MOST_POINTS))
+    size, face = (as_number(raw[key], f"{where}.{key}") for key in ("size", "face"))
     own = raw["material"]
     material = None if own is None else _material(own, f"{where}.material")
     try:
         return Stroke(raw["side"], size, face, path, raw["kind"], material)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
-
-
-def _short(value: Any) -> str:
-    """Some of the value, whatever its size."""
-    if isinstance(value, list | dict):
-        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
-    text = repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."

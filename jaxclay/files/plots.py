@@ -71,10 +71,15 @@ def solution(answer: Solution, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def save(answer: Solution, path: str | os.PathLike) -> None:
-    """Write :func:`solution`'s picture; the name's ending, one of FORMATS, says in which format."""
+def save(answer: Solution, path: str | os.PathLike, base: float = 0.0) -> None:
+    """Write :func:`solution`'s picture; the name's ending, one of FORMATS, says in which format.
+
+    Heights are labelled from ``base``, length, which the clay stands at.
+    """
     figure, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
     solution(answer, ax)
+    if base:
+        ax.yaxis.set_major_formatter(lambda height, _: f"{base + height:g}")
     figure.savefig(path, dpi=150, bbox_inches="tight")
     plt.close(figure)
 

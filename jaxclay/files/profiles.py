@@ -1,181 +1,224 @@
-"""Profiles: contours that come with the package, and CSV files of them.
+"""Profiles: contours that come with the package, and those of files.
 
-A CSV file has a header with the columns ``height`` and ``radius``, one length
-unit, from bottom to top; lines that start with # are comments.  Files that
-jaxclay writes carry more, so that reading them back gives the same clay: l and
-r0 as comments, each slice's ``thickness`` and ``top``, with its ``material`` where slices are
-of unequal volume, and the edges of tools as comments.
+A file is a table with the height and the radius of a contour, in the ways that people have it:
+:func:`jaxclay.files.reading.read_table` takes it apart, :func:`jaxclay.files.columns.find_columns`
+finds the columns, :func:`jaxclay.clay.outline.outline` makes one line from foot to rim of them.
+Or it is a piece (:mod:`jaxclay.files.piece`).  What was taken for what is told.
 """
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import os
-from collections.abc import Callable
+import warnings
 from pathlib import Path
 
 import numpy as np
 
-from jaxclay.clay.clay import Clay, Converted
-from jaxclay.clay.contour import check_rises, polyline, slice_points
-from jaxclay.clay.slicing import clip_radii
+from jaxclay.clay.clay import NEAR, Clay, Converted, cut
+from jaxclay.clay.contour import check_rises, slice_points
+from jaxclay.clay.outline import Outline, outline
+from jaxclay.files.cells import numbers_of
+from jaxclay.files.columns import find_columns
+from jaxclay.files.packaged import PROFILES as PROFILES
+from jaxclay.files.piece import Piece, load_piece
+from jaxclay.files.reading import read_table
 from jaxclay.files.replacing import replacing
-from jaxclay.files.tables import COLUMNS, Comment, as_finite, read_table
-from jaxclay.numerics.checks import check_positive
-from jaxclay.numerics.distance import farthest
 
-# The Utah teapot's body (M. Newell 1975): cubic Bezier control points (radius, height).
-_TEAPOT_BODY = (
-    ((1.5, 0.0), (1.5, 0.075), (2.0, 0.3), (2.0, 0.75)),
-    ((2.0, 0.75), (2.0, 1.2), (1.75, 1.725), (1.5, 2.25)),
-)
-_POINTS = 129
-_FEWEST, _MOST = 64, 2048  # slices, where nobody says how many,
-_NEAR = 1e-5  # of l: and how near they should be to the profile
+_FLATTEST, _SLIMMEST = 100.0, 1000.0  # radius over height, height over radius, of one unit
+_TABLES = (".csv", ".tsv", ".txt", ".json")
 
 
-def _teapot() -> tuple[np.ndarray, np.ndarray]:
-    s = np.linspace(0, 1, _POINTS)[:, None]
-    pieces = []
-    for a, b, c, d in np.array(_TEAPOT_BODY):
-        ends = (1 - s) ** 3 * a + s**3 * d
-        pieces.append(ends + 3 * s * (1 - s) * ((1 - s) * b + s * c))
-    points = np.concatenate([pieces[0], pieces[1][1:]])
-    return points[:, 1], points[:, 0]
+@dataclasses.dataclass(frozen=True)
+class Profile:
+    """A contour as it was read, whole.
 
+    Attributes
+    ----------
+    name : str
+        The packaged profile or the file.
+    drawn : Outline or Piece
+        The contour in the file's own heights, or the piece that the file is.
+    length_unit : str, optional
+        Of :data:`jaxclay.files.units.UNITS`, where the file or somebody says it.
+    said : str
+        What was taken for what, as "read 57 rows: semicolons, height and diameter in mm".
+    """
 
-def _amphora() -> tuple[np.ndarray, np.ndarray]:
-    """A belly between a foot and a neck of the same radius, and a lip."""
-    y = np.linspace(0, 1, _POINTS)
-    belly = 0.19 * np.sin(np.pi * np.minimum(y / 0.82, 1)) ** 2
-    lip = 0.03 * np.maximum((y - 0.82) / 0.18, 0) ** 2
-    return y, 0.08 + belly + lip
+    name: str
+    drawn: Outline | Piece
+    length_unit: str | None = None
+    said: str = ""
 
+    @property
+    def base(self) -> float:
+        """The height that the contour begins at, length."""
+        drawn = self.drawn
+        return drawn.base if isinstance(drawn, Piece) else float(drawn.heights[0])
 
-def _bowl() -> tuple[np.ndarray, np.ndarray]:
-    """A quarter of a sine on a foot."""
-    y = np.linspace(0, 0.6, _POINTS)
-    return y, 0.2 + 0.4 * np.sin(np.pi / 2 * y / 0.6)
+    def cut(self, slices: int | None = None, near: float = NEAR) -> Converted:
+        """Its clay, and how far the clay's contour is off, over l.
 
-
-PROFILES: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
-    "teapot": _teapot,
-    "amphora": _amphora,
-    "bowl": _bowl,
-}
-"""Heights and radii (m,) of the packaged profiles, of their own length units, by name."""
+        In ``slices`` of equal volume, or if that is None in as many as bring the contour within
+        ``near`` of l; a piece as it is.
+        """
+        if isinstance(self.drawn, Outline):
+            return cut(self.drawn, slices, near)
+        clay = self.drawn.clay
+        return Converted(clay, 0.0) if slices is None else clay.resliced(slices)
 
 
 def load_profile(
-    source: str | os.PathLike, slices: int | None = None, minimum_radius: float | None = None
+    source: str | os.PathLike,
+    slices: int | None = None,
+    minimum_radius: float | None = None,
+    *,
+    columns: str | None = None,
+    unit: str | None = None,
 ) -> Clay:
-    """Clay from a packaged profile or a CSV file.
+    """Clay from a packaged profile or a file.
 
     Parameters
     ----------
     source : str or path
-        "teapot", "amphora", "bowl", or a CSV file with columns height and radius.
+        "teapot", "amphora", "bowl", a table of heights and radii (CSV and its kin) or a piece
+        (JSON).
     slices : int, optional
-        If not given, those of the clay in a file that jaxclay wrote, and for other profiles 64
-        or twice as many until the contour is within 1e-5 l of the profile's, 2048 at most.
+        Of equal volume.  If not given, as many as bring the contour within 1e-5 l of the
+        profile's, and those of a piece.
     minimum_radius : float, optional
-        Radii below it are raised to it, to clip a pointed tip.
+        Radii below it are raised to it.
+    columns : str, optional
+        "HEIGHT,RADIUS": the table's columns by their names, or by numbers from 1.
+    unit : str, optional
+        Of both columns, such as "mm".
 
     Raises
     ------
     ValueError
-        An unknown name, or a bad line of the file: which, and what is allowed.
+        An unknown name, or what is wrong with the file: in which line, and what to do.
     OSError
         The file cannot be read.
+
+    Warns
+    -----
+    UserWarning
+        The contour is not quite the file's: a tip was clipped, or two halves averaged.
     """
-    return loaded(source, slices, minimum_radius).clay
+    profile = read_profile(source, minimum_radius, columns, unit)
+    if isinstance(profile.drawn, Outline) and profile.drawn.altered:
+        warnings.warn(f"{source}: {', '.join(profile.drawn.altered)}", stacklevel=2)
+    return profile.cut(slices).clay
 
 
 def loaded(
     source: str | os.PathLike, slices: int | None = None, minimum_radius: float | None = None
 ) -> Converted:
     """The clay of :func:`load_profile`, and how far its contour is off the profile's, over l."""
-    if str(source) in PROFILES:
-        return _cut(*PROFILES[str(source)](), slices, minimum_radius)
-    path = Path(source)
-    if not path.exists() and path.suffix != ".csv":
+    return read_profile(source, minimum_radius).cut(slices)
+
+
+def read_profile(
+    source: str | os.PathLike,
+    minimum_radius: float | None = None,
+    columns: str | None = None,
+    unit: str | None = None,
+) -> Profile:
+    """The contour of a packaged profile or of a file; takes and raises as :func:`load_profile`."""
+    name, path = str(source), Path(source)
+    table = {"columns": columns, "unit": unit}
+    if name in PROFILES:
+        _refuse(name, "is no table", table)
+        return Profile(name, outline(*PROFILES[name](), minimum_radius))
+    if not path.exists() and path.suffix.lower() not in _TABLES:
         raise ValueError(
-            f"no profile {str(source)!r}: choose from {', '.join(PROFILES)}, or name a CSV file"
+            f"no profile {name!r}: choose from {', '.join(PROFILES)}, or name a CSV file"
         )
+    if path.suffix.lower() == ".json":
+        _refuse(name, "is a piece, no table", table | {"minimum_radius": minimum_radius})
+        piece = load_piece(path)
+        return Profile(name, piece, piece.length_unit, f"read {_piece_words(piece)}")
+    data = path.read_bytes()
     try:
-        table, comments = read_table(path)
-        saved = _saved_clay(table, comments) if minimum_radius is None else None
-        if saved is None:
-            return _cut(table["height"], table["radius"], slices, minimum_radius)
-    except ValueError as error:  # of which a UnicodeDecodeError is one
+        return _of_table(name, data, minimum_radius, columns, unit)
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    return Converted(saved, 0.0) if slices in (None, saved.slices) else saved.resliced(slices)
 
 
-def _cut(
-    heights: np.ndarray, radii: np.ndarray, slices: int | None, minimum_radius: float | None
-) -> Converted:
-    """The profile in slices of equal volume, as many as bring it near if that was not said."""
-    count = _FEWEST if slices is None else slices
-    while True:
-        clay = Clay.from_profile(heights, radii, count, minimum_radius)
-        points = np.stack([clip_radii(radii, minimum_radius), heights - heights[0]], axis=1)
-        outline = np.pad(points, ((1, 1), (0, 0)))
-        outline[-1, 1] = points[-1, 1]
-        contour = polyline(clay)
-        error = max(farthest(contour, outline), farthest(outline, contour)) / float(clay.unit)
-        if slices is not None or error <= _NEAR or count >= _MOST:
-            return Converted(clay, error)
-        count *= 2
+def _refuse(name: str, why: str, arguments: dict) -> None:
+    for key, value in arguments.items():
+        if value is not None:
+            raise ValueError(f"{name} {why}: {key} {value!r} has no meaning for it")
 
 
-def _saved_clay(table: dict, comments: list[Comment]) -> Clay | None:
-    """The clay of a file that jaxclay wrote; None of another's."""
-    found = {c.name: c for c in comments if c.name in ("unit", "r0")}
-    if len(found) < 2 or not set(COLUMNS[:4]) <= set(table):
-        return None
-    marks = {}
-    for name, comment in found.items():
-        marks[name] = as_finite(comment.line, name, comment.value)
-        check_positive(f"line {comment.line}: {name}", marks[name])
-    return _saved_slices(table, marks, [c for c in comments if c.name == "edge"])
+def _piece_words(piece: Piece) -> str:
+    return f"a piece: {piece.clay.slices} slices, {len(piece.strokes)} strokes" + (
+        f", in {piece.length_unit}" if piece.length_unit else ""
+    )
 
 
-def _saved_slices(table: dict, marks: dict, comments: list[Comment]) -> Clay:
-    is_slice = table["thickness"] > 0
-    heights = np.concatenate([[0.0], table["top"][is_slice]])
-    material = table.get("material")
-    if material is not None:
-        material = np.concatenate([[0.0], material[is_slice]])
-    edges = []
-    for comment in comments:
-        words = comment.value.split()
-        if len(words) != 2:
-            raise ValueError(f"line {comment.line}: an edge has its u and its radius, two numbers")
-        edges.append([as_finite(comment.line, "edge", word) for word in words])
-    clay = Clay(
-        heights, table["thickness"][is_slice], marks["r0"], marks["unit"], material,
-        np.array(edges).reshape(-1, 2),
-    )  # fmt: skip
-    wrong = ~np.isclose(clay.radii, table["radius"][is_slice], rtol=1e-9, atol=0)
-    if wrong.any():
-        i = int(np.argmax(wrong))
+def _of_table(
+    name: str, data: bytes, minimum_radius: float | None, columns: str | None, unit: str | None
+) -> Profile:
+    table = read_table(data)
+    found = find_columns(table, columns, unit)
+    what = ("height", found.height), (found.quantity, found.across)
+    cells = [
+        (row.line, word, row.cells[place] if place < len(row.cells) else "")
+        for row in found.rows
+        for word, place in what
+    ]
+    numbers, commas = numbers_of(cells)
+    heights, across = numbers.reshape(-1, 2).T
+    told = [*table.told, *(["decimal commas"] if commas else []), *found.told]
+    if not found.headed and not _is_sorted(heights) and _is_sorted(across):
+        heights, across = across, heights
+        told[-1] += ", the other way round, as only that column rises or falls"
+    radii = across / {"radius": 1.0, "diameter": 2.0, "circumference": 2 * np.pi}[found.quantity]
+    drawn = outline(heights, radii, minimum_radius, lambda i: f"line {found.rows[i].line}")
+    if unit is None:
+        _check_proportions(drawn, found.rows[int(np.argmax(np.abs(radii)))].line)
+    base = float(drawn.heights[0])
+    told += [*drawn.told, *([f"standing at {base:g}"] if base else [])]
+    said = f"read {len(found.rows)} rows: {', '.join(told)}"
+    return Profile(name, drawn, found.unit, said)
+
+
+def _is_sorted(values: np.ndarray) -> bool:
+    way = np.sign(np.diff(values))
+    return bool((way >= 0).all() or (way <= 0).all())
+
+
+def _check_proportions(drawn: Outline, line: int) -> None:
+    tall, wide = float(np.ptp(drawn.heights)), float(drawn.radii.max())
+    if wide > _FLATTEST * tall or tall > _SLIMMEST * wide:
         raise ValueError(
-            f"radius {table['radius'][is_slice][i]:g} of slice {i} is not that of its thickness, "
-            f"{clay.radii[i]:g}: a file edited by hand must not keep the columns thickness and top"
+            f"line {line}: the radius is {wide:g}, but heights span {tall:g}: their units seem to "
+            "differ. Bring both to one, or say --unit mm (or another) if they are in it"
         )
-    return clay
 
 
-def save_profile(clay: Clay, path: str | os.PathLike) -> None:
-    """Write the contour as CSV, in the clay's length unit.
+def save_profile(
+    clay: Clay, path: str | os.PathLike, base: float = 0.0, length_unit: str | None = None
+) -> None:
+    """Write the contour as a table of height and radius, CSV, that any program opens.
 
-    Rows of height, radius, thickness and top, and of material where the slices' volumes differ:
-    the slices, radius at mid-height, top and material (the fraction of the
-    volume below it) of their upper boundary, with rows of no thickness at the edges of tools
-    and at either end, where the contour turns to the axis.  The sum of pi radius^2
-    thickness is the clay's volume to rounding; the smooth solid through the same
-    points differs by O(h^2).  The file appears whole or not at all.
+    One row a slice, at mid-height, and one at the edges of tools and at either end; two of one
+    height where the radius jumps.  Read back the table has the same contour
+    (:func:`jaxclay.contour_error`) within 1e-5 l; to go on from exactly this clay save a piece
+    (:func:`jaxclay.files.piece.save_piece`).  The file appears whole or not at all.
+
+    Parameters
+    ----------
+    clay : Clay
+        Whose contour it is, in its own length unit.
+    path : str or path
+        Where.
+    base : float, length
+        The height that the clay stands at, from which heights are counted.
+    length_unit : str, optional
+        For the header, as in ``height_mm``.
 
     Raises
     ------
@@ -185,31 +228,9 @@ def save_profile(clay: Clay, path: str | os.PathLike) -> None:
         The file cannot be written.
     """
     check_rises(clay)
-    comments = [f"# unit = {float(clay.unit)!r}", f"# r0 = {float(clay.r0)!r}"]
-    comments += [f"# edge = {float(u)!r} {float(radius)!r}" for u, radius in clay.edges]
-    columns = _rows(clay)
+    ending = f"_{length_unit}" if length_unit else ""
     with replacing(path) as temporary, temporary.open("w", newline="") as file:
-        file.write("\n".join(comments) + "\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for row in zip(*columns.values(), strict=True):
-            writer.writerow([repr(float(v)) for v in row])
-
-
-def _rows(clay: Clay) -> dict[str, np.ndarray]:
-    points, node = slice_points(clay), np.asarray(clay.heights)
-    top = np.searchsorted(node, points[:, 1])
-    at_edge = node[np.minimum(top, clay.slices)] == points[:, 1]
-    thickness = np.where(at_edge, 0.0, np.append(clay.thickness, 0.0)[np.maximum(top - 1, 0)])
-    columns = {
-        "height": _rising(points[:, 1]),
-        "radius": points[:, 0],
-        "thickness": thickness,
-        "top": node[top],
-    }
-    return columns if clay.equal else columns | {"material": clay.material[top]}
-
-
-def _rising(y: np.ndarray) -> np.ndarray:
-    """Heights of rows that rise: where the radius jumps, its upper value is a rounding higher."""
-    return np.where(np.append(False, np.diff(y) <= 0), np.nextafter(y, np.inf), y)
+        writer.writerow([f"height{ending}", f"radius{ending}"])
+        for radius, height in slice_points(clay):
+            writer.writerow([f"{float(value):.12g}" for value in (base + height, radius)])

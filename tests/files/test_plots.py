@@ -11,6 +11,8 @@ matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
 plt = pytest.importorskip("matplotlib.pyplot")
 
+from jaxclay.files import plots  # noqa: E402
+
 
 @pytest.fixture(scope="module")
 def solution():
@@ -29,14 +31,14 @@ def closed_figures():
 def test_functions_take_and_return_axes(solution, draw):
     what = solution.clay if draw == "contour" else solution
     given = plt.subplots()[1]
-    assert getattr(jaxclay.files.plots, draw)(what, given) is given
-    made = getattr(jaxclay.files.plots, draw)(what)
+    assert getattr(plots, draw)(what, given) is given
+    made = getattr(plots, draw)(what)
     assert made.get_xlabel()
     assert made.get_ylabel()
 
 
 def test_the_silhouette_is_the_clays(solution):
-    line = jaxclay.files.plots.contour(solution.clay).lines[0]
+    line = plots.contour(solution.clay).lines[0]
     x, y = line.get_xdata(), line.get_ydata()
     assert np.isclose(x.max(), solution.clay.radii.max())
     assert np.isclose(x.min(), -solution.clay.radii.max())
@@ -47,11 +49,11 @@ def test_the_silhouette_is_the_clays(solution):
 def test_labels_that_were_set_stay(solution):
     ax = plt.subplots()[1]
     ax.set_xlabel("radius (mm)")
-    assert jaxclay.files.plots.contour(solution.clay, ax).get_xlabel() == "radius (mm)"
+    assert plots.contour(solution.clay, ax).get_xlabel() == "radius (mm)"
 
 
 def test_solution_shows_before_rough_and_minimum(solution):
-    labels = [line.get_label() for line in jaxclay.files.plots.solution(solution).lines]
+    labels = [line.get_label() for line in plots.solution(solution).lines]
     assert labels == ["before", "rough shape (E_move)", "newton (E_total)"]
 
 
