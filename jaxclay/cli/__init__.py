@@ -1,6 +1,6 @@
 """The commands: arguments to calls, nothing else.
 
-``main``: all of them.  ``deform``: squash a profile.
+``main``: all of them.  ``deform``: squash a profile, by ``squashes`` in the file's heights.
 
 It may import every other room.
 """

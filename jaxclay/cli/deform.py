@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from jaxclay.clay.clay import Converted
-from jaxclay.files.profiles import PROFILES, loaded, save_profile
+from jaxclay.clay.clay import NEAR, Converted
+from jaxclay.cli.squashes import describe, parse_squash, squash_of
+from jaxclay.files.piece import Piece, save_piece
+from jaxclay.files.profiles import PROFILES, Profile, read_profile, save_profile
 from jaxclay.files.replacing import is_special, replacing
 from jaxclay.files.svg import save_svg
+from jaxclay.files.units import UNITS
 from jaxclay.methods import METHODS
 from jaxclay.model.material import Material
-from jaxclay.model.squash import Squash
 from jaxclay.numerics.checks import check_tolerance
 from jaxclay.solve.minimize import deform
 from jaxclay.solve.solution import Solution, Status
@@ -21,6 +26,9 @@ from jaxclay.solve.solution import Solution, Status
 _SLICES = 64
 _MOST_SLICES = 1024  # some methods are dense
 _MOST_BANDED = 65_536
+_TOLERANCE = 1e-3  # where neither that nor slices are asked for
+_PART = 0.1  # of a tolerance, that cutting the profile into slices may take
+_CONSTANTS = ("k", "mu", "alpha", "beta")
 
 
 def add_to(commands, interrupt: Callable[[], None]) -> None:
@@ -29,18 +37,27 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
         "deform",
         help="squash a profile and write the new one",
         description="Squash a profile, several times in succession if asked, and write its contour "
-        "as CSV.",
+        "as CSV, and as a piece to go on from.",
     )
-    command.add_argument("profile", help=f"{', '.join(PROFILES)}, or a CSV file with height,radius")
+    command.add_argument(
+        "profile",
+        help=f"{', '.join(PROFILES)}, a table of height and radius (CSV), or a piece (JSON)",
+    )
     command.add_argument(
         "--squash", action="append", required=True, metavar="BOTTOM:TOP:RADIUS",
-        help="in the profile's length unit; repeat it for a succession",
+        help="in the profile's lengths and heights; repeat it for a succession",
     )  # fmt: skip
     command.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    command.add_argument("--piece", type=Path, help="piece to write, JSON, to go on from exactly")
     command.add_argument("--plot", type=Path, help="picture to write (PNG, SVG, PDF)")
     command.add_argument(
+        "--columns", metavar="HEIGHT,RADIUS", help="of the table: names, or numbers from 1"
+    )
+    command.add_argument("--unit", help=f"of the table's lengths: {', '.join(UNITS)}")
+    command.add_argument(
         "--slices", type=int, metavar="N",
-        help="how many slices to solve on (default 64, or those of a file that jaxclay wrote)",
+        help="how many slices to solve on, in place of a tolerance (default 64, or a piece's, "
+        "with --scheme or --method)",
     )  # fmt: skip
     command.add_argument(
         "--scheme", choices=("slices", "paper"),
@@ -49,18 +66,20 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
     command.add_argument("--method", help=f"one of {', '.join(METHODS)} (default newton)")
     command.add_argument(
         "--tolerance", type=float, metavar="T",
-        help="as many slices as bring the contour within this, over the height of the first piece",
+        help="as many slices as bring the contour within this, over the height of the first piece "
+        f"(default {_TOLERANCE:g})",
     )  # fmt: skip
     command.add_argument("--svg", type=Path, help="outline to write, in millimetres")
     command.add_argument(
-        "--millimetres", type=float, default=100.0, metavar="MM",
-        help="of the SVG, for one length unit of the profile (default 100)",
+        "--millimetres", type=float, metavar="MM",
+        help="of the SVG, for one length unit of the profile (default: true size where the unit "
+        "is known, else 100)",
     )  # fmt: skip
     command.add_argument("--top-fixed", action="store_true", help="hold the clay's upper end")
-    for name in ("k", "mu", "alpha", "beta"):
-        command.add_argument(f"--{name}", type=float, default=1.0, help="default 1")
+    for name in _CONSTANTS:
+        command.add_argument(f"--{name}", type=float, help="default 1, or the piece's")
     command.add_argument(
-        "--units", choices=("snake", "printed"), default="snake",
+        "--units", choices=("snake", "printed"),
         help="of alpha and beta: raw differences of 64 slices (default), or as printed (eq. 21)",
     )  # fmt: skip
     add_minimum_radius(command)
@@ -75,27 +94,31 @@ def add_minimum_radius(command) -> None:
 
 
 def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
-    squashes = [parse_squash(text, options.top_fixed) for text in options.squash]
-    make = Material.from_snake_units if options.units == "snake" else Material
-    material = make(k=options.k, mu=options.mu, alpha=options.alpha, beta=options.beta)
+    squashes = [(text, parse_squash(text)) for text in options.squash]
     chosen = _chosen(options)
-    _check_targets(options.out, options.plot, options.svg)
-    clay, error = _profile(options, chosen)
+    _check_targets(options)
+    profile = read_profile(options.profile, options.minimum_radius, options.columns, options.unit)
+    if profile.said:
+        print(f"{profile.name}: {profile.said}", file=sys.stderr)
+    material, (clay, error) = _material(options, profile), _cut(options, profile, chosen)
     said: list[str] = []
     solution = None
     try:
-        for text, squash in zip(options.squash, squashes, strict=True):
+        for text, numbers in squashes:
             interrupt()
-            solution = deform(clay, squash, material, **chosen)
+            squash = squash_of(text, numbers, options.top_fixed, clay, profile.base)
+            # As a piece holds it, so that going on from one is the same.
+            start = Piece(clay, base=profile.base).clay
+            solution = deform(start, squash, material, **chosen)
             if solution.status in (Status.INFEASIBLE, Status.NON_FINITE):
                 raise ValueError(f"--squash {text}: {solution.message}")
             if solution.error_estimate is not None:
                 error += float(solution.error_estimate)
-            said.append(describe(text, solution, error))
+            said.append(describe(text, solution, error, profile.base))
             clay = solution.clay
         assert solution is not None  # --squash is required
-        _write(solution, options)
-        written = filter(None, (options.out, options.plot, options.svg))
+        _write(solution, profile, material, options)
+        written = filter(None, _targets(options).values())
         said.append("wrote " + " and ".join(str(path) for path in written))
     finally:  # not before the files are there, which printing must not cost
         for lines in said:
@@ -103,29 +126,47 @@ def _deform(options: argparse.Namespace, interrupt: Callable[[], None]) -> int:
     return 0
 
 
-def _profile(options: argparse.Namespace, chosen: dict[str, Any]) -> Converted:
+def _material(options: argparse.Namespace, profile: Profile) -> Material:
+    """What the clay is made of: a piece's material, but for the constants that are given."""
+    given = {name: value for name in _CONSTANTS if (value := getattr(options, name)) is not None}
+    make = Material if options.units == "printed" else Material.from_snake_units
+    if not isinstance(profile.drawn, Piece):
+        return make(**{name: given.get(name, 1.0) for name in _CONSTANTS})
+    if options.units is not None and not {"alpha", "beta"} & set(given):
+        raise ValueError(
+            f"--units {options.units} says what --alpha and --beta are in, but the material is "
+            "the piece's: give them too"
+        )
+    made = make(**given)
+    return dataclasses.replace(profile.drawn.material, **{n: getattr(made, n) for n in given})
+
+
+def _cut(options: argparse.Namespace, profile: Profile, chosen: dict[str, Any]) -> Converted:
     """The clay to squash; sets how many slices to solve on, where no tolerance does."""
-    clay, error = loaded(options.profile, minimum_radius=options.minimum_radius)
-    if options.tolerance is None:
-        kept = clay.slices if error == 0 else _SLICES  # a file that jaxclay wrote is exact
+    tolerance = chosen.get("tolerance")
+    clay, error = profile.cut(near=min(NEAR, _PART * (tolerance or 1.0)))
+    if tolerance is None:
+        kept = clay.slices if isinstance(profile.drawn, Piece) else _SLICES
         chosen["slices"] = options.slices or kept
-    elif error > options.tolerance:
+    elif error > tolerance:
         raise ValueError(
             f"{options.profile} in {clay.slices} slices is already {error:.2g} of the height off, "
-            f"more than --tolerance {options.tolerance:g}: ask for {1.1 * error:.2g} or more"
+            f"more than --tolerance {tolerance:g}: ask for {1.1 * error:.2g} or more"
         )
     return Converted(clay, error)
 
 
 def _chosen(options: argparse.Namespace) -> dict[str, Any]:
     """What deform is asked for: slices, or a tolerance."""
-    if options.tolerance is not None:
-        if (options.slices, options.method, options.scheme) != (None, None, None):
-            raise ValueError(
-                "--tolerance goes without --slices, --scheme and --method: give one or the other"
-            )
-        check_tolerance(options.tolerance)
-        return {"tolerance": options.tolerance}
+    other = (options.slices, options.method, options.scheme) != (None, None, None)
+    if options.tolerance is not None and other:
+        raise ValueError(
+            "--tolerance goes without --slices, --scheme and --method: give one or the other"
+        )
+    if not other:
+        tolerance = _TOLERANCE if options.tolerance is None else options.tolerance
+        check_tolerance(tolerance)
+        return {"tolerance": tolerance}
     method = options.method or "newton"
     most = _MOST_BANDED if method == "newton" else _MOST_SLICES
     if options.slices is not None and options.slices > most:
@@ -133,86 +174,49 @@ def _chosen(options: argparse.Namespace) -> dict[str, Any]:
     return {"method": method, "scheme": options.scheme or "slices"}
 
 
-def _check_targets(*targets: Path | None) -> None:
-    """Raise before anything is solved if the files (CSV, picture, SVG) cannot be written."""
-    for target in filter(None, targets):
+def _targets(options: argparse.Namespace) -> dict[str, Path | None]:
+    """The files to write, by their options."""
+    return {f"--{name}": getattr(options, name) for name in ("out", "piece", "plot", "svg")}
+
+
+def _check_targets(options: argparse.Namespace) -> None:
+    """Raise before anything is solved if the files cannot be written."""
+    targets = {option: path for option, path in _targets(options).items() if path is not None}
+    for target in targets.values():
         if target.is_dir():
             raise ValueError(f"{target} is a folder: name a file in it")
         if not target.resolve().parent.is_dir():
             raise ValueError(f"no folder {target.resolve().parent} to write {target.name} into")
-    names = [target.resolve() for target in filter(None, targets) if not is_special(target)]
+    names = [target.resolve() for target in targets.values() if not is_special(target)]
     if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(
-            f"two of --out, --plot and --svg name the same file, {names[0]}: name one for each"
+            f"two of {', '.join(targets)} name the same file, {twice}: name one for each"
         )
-    plot = targets[1]
-    if plot is None:
+    if options.piece is not None and options.piece.suffix.lower() != ".json":
+        raise ValueError(f"--piece {options.piece}: the name must end in .json")
+    if options.plot is None:
         return
     from jaxclay.files import plots
 
-    if plot.suffix.lower() not in plots.FORMATS:
-        raise ValueError(f"--plot {plot}: the name must end in {', '.join(plots.FORMATS)}")
+    if options.plot.suffix.lower() not in plots.FORMATS:
+        raise ValueError(f"--plot {options.plot}: the name must end in {', '.join(plots.FORMATS)}")
 
 
-def _write(solution: Solution, options: argparse.Namespace) -> None:
+def _write(
+    solution: Solution, profile: Profile, material: Material, options: argparse.Namespace
+) -> None:
     """Write all files, or none: each appears when the last has been made."""
-    from contextlib import ExitStack
-
+    base, unit = profile.base, profile.length_unit
     with ExitStack() as files:
         if options.plot is not None:
             from jaxclay.files import plots
 
-            plots.save(solution, files.enter_context(replacing(options.plot)))
+            plots.save(solution, files.enter_context(replacing(options.plot)), base)
         if options.svg is not None:
             path = files.enter_context(replacing(options.svg))
-            save_svg(solution.clay, path, options.millimetres)
-        save_profile(solution.clay, options.out)
-
-
-def parse_squash(text: str, top_fixed: bool = False) -> Squash:
-    """A squash from BOTTOM:TOP:RADIUS.
-
-    Raises
-    ------
-    ValueError
-        Not three numbers, or not a squash.
-    """
-    parts = text.split(":")
-    try:
-        numbers = [float(part) for part in parts]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3:
-        raise ValueError(f"--squash {text!r} is not BOTTOM:TOP:RADIUS, three numbers, as 0:0.3:0.4")
-    return Squash(*numbers, top_fixed=top_fixed)
-
-
-def describe(text: str, solution: Solution, error: float) -> str:
-    """What a squash did, in a few lines.
-
-    ``error`` is that of the contour over l, of the profile's slices and of all squashes together;
-    said where a tolerance was asked for.
-    """
-    rough, certificate, terms = solution.rough, solution.certificate, solution.terms
-    case = f"case {rough.case}" + (
-        f", below {rough.case_below}" if rough.case_below != "none" else ""
-    )
-    clay = solution.clay
-    accuracy = ""
-    if solution.error_estimate is not None:
-        accuracy = f", {int(solution.unknowns)} unknowns, contour within {error:.1e} of "
-        accuracy += "the height, the profile's slices included"
-    bound = ", lower bound active" if certificate.on_floor or rough.floored else ""
-    return "\n".join(
-        (
-            f"squash {text}: {case}{bound}, {solution.status} after {int(solution.iterations)} "
-            f"iterations of {solution.method} on {clay.slices} slices{accuracy}",
-            f"  band {float(rough.bottom):.6g} to {float(rough.top):.6g}, "
-            f"reach u1 = {float(rough.reach):.4g}",
-            f"  E_total {float(solution.energy):.8g} = strain {float(terms.strain):.4g} + friction "
-            f"{float(terms.friction):.4g} + tension {float(terms.tension):.4g} + bending "
-            f"{float(terms.bending):.4g}; can still gain {float(certificate.decrement):.1e}",
-            f"  height {float(clay.height):.6g}, radius {float(clay.radii.min()):.6g} to "
-            f"{float(clay.radii.max()):.6g}, volume {float(clay.volume):.8g}",
-        )
-    )
+            save_svg(solution.clay, path, options.millimetres or UNITS.get(unit or "") or 100.0)
+        if options.piece is not None:
+            piece = Piece(solution.clay, material, base=base, length_unit=unit)
+            save_piece(files.enter_context(replacing(options.piece)), piece)
+        save_profile(solution.clay, options.out, base, unit)

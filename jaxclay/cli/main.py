@@ -10,6 +10,7 @@ import sys
 import traceback
 
 from jaxclay.cli.deform import add_to as add_deform
+from jaxclay.cli.squashes import joined
 from jaxclay.experiments.options import add_to as add_experiments
 from jaxclay.files.output import patient_output
 from jaxclay.numerics.checks import Hindrance
@@ -38,7 +39,8 @@ def entry() -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 if it went well, 2 on bad input, 70 on a fault inside, 130 on Ctrl-C."""
     with patient_output():
-        return _run(_parser().parse_args(arguments))
+        words = sys.argv[1:] if arguments is None else arguments
+        return _run(_parser().parse_args(joined(words)))
 
 
 def _run(options: argparse.Namespace) -> int:

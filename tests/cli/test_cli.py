@@ -1,6 +1,7 @@
 """The command line as its user meets it: what it prints, writes, refuses, and leaves behind."""
 
 import csv
+import json
 import os
 import re
 import signal
@@ -14,6 +15,7 @@ import pytest
 
 import jaxclay
 from jaxclay.cli.main import main
+from jaxclay.files.piece import load_piece
 from jaxclay.files.profiles import loaded
 
 SQUASH = "0.9:1.35:1.6"
@@ -27,74 +29,177 @@ def own_cache(tmp_path_factory, monkeypatch):
 
 def rows(path):
     with path.open() as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+        return list(csv.DictReader(file))
 
 
 def test_deform_writes_a_contour_of_the_same_volume(tmp_path, capsys):
-    out = tmp_path / "shape.csv"
-    code = main(
-        ["deform", "teapot", "--squash", SQUASH, "--squash", "0:0.3:1.4", "--out", str(out)]
-    )
+    out, piece = tmp_path / "shape.csv", tmp_path / "shape.json"
+    written = ["--out", str(out), "--piece", str(piece)]
+    code = main(["deform", "teapot", "--squash", SQUASH, "--squash", "0:0.3:1.4", *written])
     printed = capsys.readouterr().out
     assert code == 0
     assert printed.count("converged") == 2
     for word in ("case I", "E_total", "height", "volume", "reach"):
         assert word in printed
-    before = jaxclay.load_profile("teapot", 64).volume
-    assert jaxclay.load_profile(out).volume == pytest.approx(before, rel=1e-13)
+    before = jaxclay.load_profile("teapot").volume
+    assert jaxclay.load_profile(piece).volume == pytest.approx(before, rel=1e-13)
     y, X = (np.array([float(r[name]) for r in rows(out)]) for name in ("height", "radius"))
     frusta = np.pi / 3 * np.diff(y) * (X[1:] ** 2 + X[1:] * X[:-1] + X[:-1] ** 2)
-    assert frusta.sum() == pytest.approx(before, rel=2e-3)  # of second order in 1/64
-
-
-def test_deform_on_slices_writes_their_volume(tmp_path):
-    out = tmp_path / "shape.csv"
-    main(["deform", "teapot", "--squash", SQUASH, "--slices", "64", "--out", str(out)])
-    volume = sum(np.pi * float(r["radius"]) ** 2 * float(r["thickness"]) for r in rows(out))
-    np.testing.assert_allclose(volume, jaxclay.load_profile("teapot").volume, rtol=1e-13)
-    assert len(rows(out)) < 64 + 8  # a slice each, edges and ends
+    assert frusta.sum() == pytest.approx(before, rel=1e-3)  # the tolerance
 
 
 def test_deform_does_what_the_library_does(tmp_path):
-    out = tmp_path / "shape.csv"
-    main(["deform", "bowl", "--squash", "0:0.1:0.2", "--mu", "0.5", "--out", str(out)])
+    out, piece = tmp_path / "shape.csv", tmp_path / "shape.json"
+    arguments = ["--squash", "0:0.1:0.2", "--mu", "0.5", "--slices", "64"]
+    main(["deform", "bowl", *arguments, "--out", str(out), "--piece", str(piece)])
     material = jaxclay.Material.from_snake_units(mu=0.5)
     expected = jaxclay.deform(
         jaxclay.load_profile("bowl"), jaxclay.Squash(0, 0.1, 0.2), material, slices=64
     ).clay
-    found = jaxclay.load_profile(out)
+    found = load_piece(piece)
     for name in ("material", "heights", "thickness", "edges", "r0", "unit"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        np.testing.assert_array_equal(getattr(found.clay, name), getattr(expected, name))
+    assert found.material == material
+    assert len(rows(out)) < 64 + 8  # a slice each, edges and ends
 
 
-def test_deform_to_a_tolerance_is_the_librarys(tmp_path, capsys):
-    out = tmp_path / "shape.csv"
-    arguments = ["--squash", "0:0.1:0.2", "--tolerance", "1e-3", "--out", str(out)]
+@pytest.mark.parametrize("tolerance", [None, 1e-4])
+def test_deform_to_a_tolerance_is_the_librarys(tmp_path, capsys, tolerance):
+    out, piece = tmp_path / "shape.csv", tmp_path / "shape.json"
+    arguments = ["--squash", "0:0.1:0.2", "--out", str(out), "--piece", str(piece)]
+    arguments += [] if tolerance is None else ["--tolerance", str(tolerance)]
     main(["deform", "bowl", *arguments])
     squash, material = jaxclay.Squash(0, 0.1, 0.2), jaxclay.Material.from_snake_units()
     clay, error = loaded("bowl")
-    expected = jaxclay.deform(clay, squash, material, tolerance=1e-3)
-    np.testing.assert_array_equal(jaxclay.load_profile(out).heights, expected.heights)
+    expected = jaxclay.deform(clay, squash, material, tolerance=tolerance or 1e-3)
+    np.testing.assert_array_equal(jaxclay.load_profile(piece).heights, expected.clay.heights)
     total = error + float(expected.error_estimate)
     assert f"contour within {total:.1e} of the height" in capsys.readouterr().out
+    # The table alone has that contour within the same.
+    again = jaxclay.load_profile(out)
+    assert jaxclay.contour_error(again, expected.clay) < (tolerance or 1e-3) / 10
 
 
 def test_deform_as_in_1993_is_the_papers_scheme(tmp_path):
-    out = tmp_path / "shape.csv"
-    main(["deform", "bowl", "--squash", "0:0.1:0.2", "--scheme", "paper", "--out", str(out)])
+    out, piece = tmp_path / "shape.csv", tmp_path / "shape.json"
+    written = ["--out", str(out), "--piece", str(piece)]
+    main(["deform", "bowl", "--squash", "0:0.1:0.2", "--scheme", "paper", *written])
     squash, material = jaxclay.Squash(0, 0.1, 0.2), jaxclay.Material.from_snake_units()
     clay = jaxclay.load_profile("bowl", 64)
     expected = jaxclay.deform(clay, squash, material, scheme="paper")
-    np.testing.assert_allclose(jaxclay.load_profile(out).heights, expected.heights, atol=1e-12)
+    found = jaxclay.load_profile(piece)
+    np.testing.assert_allclose(found.heights, expected.heights, atol=2e-6)  # of finer slices
 
 
-def test_deform_goes_on_from_its_own_file_as_in_one_succession(tmp_path):
-    first, second, both = (tmp_path / name for name in ("1.csv", "2.csv", "both.csv"))
-    one, two = "0.9:1.35:1.6", "0:0.3:1.4"
-    main(["deform", "teapot", "--squash", one, "--out", str(first)])
-    main(["deform", str(first), "--squash", two, "--out", str(second)])
-    main(["deform", "teapot", "--squash", one, "--squash", two, "--out", str(both)])
-    assert second.read_text() == both.read_text()
+@pytest.mark.parametrize("base", [0, 60])
+def test_deform_goes_on_from_a_piece_as_in_one_succession(tmp_path, base):
+    """Bit for bit, and in the heights of the file that it began with."""
+    pot = tmp_path / "pot.csv"
+    y = np.linspace(0, 100, 30)
+    lines = [f"{base + a:.3f},{30 + 10 * np.sin(a / 30):.3f}" for a in y]
+    pot.write_text("\n".join(["height (mm),radius (mm)", *lines]))
+    one, two = f"{base + 40}:{base + 60}:25", f"{base}:{base + 20}:28"
+    first, second, both = (tmp_path / name for name in ("1", "2", "both"))
+
+    def run(source, target, *squashes):
+        squashes = [word for squash in squashes for word in ("--squash", squash)]
+        files = ["--out", f"{target}.csv", "--piece", f"{target}.json"]
+        assert main(["deform", str(source), *squashes, *files, "--mu", "0.3"]) == 0
+
+    run(pot, first, one)
+    run(f"{first}.json", second, two)
+    run(pot, both, one, two)
+    for ending in (".json", ".csv"):
+        texts = [target.with_suffix(ending).read_text() for target in (second, both)]
+        assert texts[0] == texts[1]
+    assert json.loads(second.with_suffix(".json").read_text())["heights"][0] == base
+    assert second.with_suffix(".csv").read_text().startswith(f"height_mm,radius_mm\n{base},")
+
+
+@pytest.fixture
+def standing(tmp_path):
+    """A pot whose heights begin at 60."""
+    pot = tmp_path / "pot.csv"
+    pot.write_text("height;radius\n60;200\n150;220\n250;180\n340,5;150\n")
+    return pot
+
+
+def test_heights_are_the_files(tmp_path, standing, capsys):
+    out, plot = tmp_path / "out.csv", tmp_path / "out.svg"
+    squash = ["--squash", "100:150:150"]
+    assert main(["deform", str(standing), *squash, "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert said.err.strip() == (
+        f"{standing}: read 4 rows: semicolons, decimal commas, height and radius, standing at 60"
+    )
+    assert re.search(r"band 100 to 150,", said.out)
+    assert re.search(r"height \S+ \(60 to \d", said.out)
+    table = np.genfromtxt(out, delimiter=",", skip_header=1)
+    assert table[0, 0] == 60
+    inside = (table[:, 0] > 100) & (table[:, 0] < 150)
+    np.testing.assert_allclose(table[inside, 1], 150, rtol=1e-9)
+    assert (table[table[:, 0] < 90, 1] > 190).all()
+    pytest.importorskip("matplotlib").use("Agg")
+    assert main(["deform", str(standing), *squash, "--out", str(out), "--plot", str(plot)]) == 0
+    assert "<!-- 100 -->" in plot.read_text()  # a label of the axis
+    assert "<!-- 0 -->" in plot.read_text()  # of radii, and no other
+    assert plot.read_text().count("<!-- 0 -->") == 1
+
+
+BELOW = {
+    "20:50:150": "20:50:150: bottom = 20 is below the piece, which stands at 60: .* the file's",
+    "400:500:150": r"400:500:150: .* bottom = 400, above the clay: .* below its top at 340\.5",
+    "150:100:150": "150:100:150: the band is empty: .* bottom = 150, got 100",
+    "nan:100:150": "nan:100:150: the band is empty: bottom and top must be finite",
+}
+
+
+@pytest.mark.parametrize("squash", BELOW)
+def test_what_does_not_fit_is_refused_in_the_files_heights(tmp_path, standing, capfd, squash):
+    out = tmp_path / "out.csv"
+    assert main(["deform", str(standing), "--squash", squash, "--out", str(out)]) == 2
+    assert re.search(BELOW[squash], capfd.readouterr().err)
+    fixed = ["--squash", "100:400:150", "--top-fixed"]
+    assert main(["deform", str(standing), *fixed, "--out", str(out)]) == 2
+    assert re.search("held at 340.5, .* top = 400: .* below 340.5", capfd.readouterr().err)
+
+
+def test_heights_below_0(tmp_path, capsys):
+    pot, out = tmp_path / "pot.csv", tmp_path / "out.csv"
+    pot.write_text("height,radius\n-60,39\n-30,60\n0,40\n")
+    for squash in (["--squash=-50:-30:45"], ["--squash", "-50:-30:45"]):
+        assert main(["deform", str(pot), *squash, "--out", str(out)]) == 0
+        assert "band -50 to -30" in capsys.readouterr().out
+    assert rows(out)[0]["height"] == "-60"
+
+
+def test_columns_and_unit_as_asked(tmp_path, capsys):
+    pot, out, svg = (tmp_path / name for name in ("pot.csv", "out.csv", "out.svg"))
+    pot.write_text("a,b\n0,3\n4,4\n8,3\n")
+    arguments = ["deform", str(pot), "--squash", "2:4:2.8", "--out", str(out)]
+    assert main(arguments) == 2
+    assert "say which two are, --columns HEIGHT,RADIUS" in capsys.readouterr().err
+    assert main([*arguments, "--columns", "a,b", "--unit", "cm", "--svg", str(svg)]) == 0
+    assert "a as height and b as radius in cm" in capsys.readouterr().err
+    found = rows(out)
+    assert list(found[0]) == ["height_cm", "radius_cm"]
+    size = float(re.search(r'height="([\d.]+)mm"', svg.read_text())[1])
+    assert size == pytest.approx(10 * float(found[-1]["height_cm"]), rel=1e-6)  # true size
+
+
+def test_a_piece_keeps_its_material(tmp_path, capsys):
+    piece, second = tmp_path / "a.json", tmp_path / "b.json"
+    written = ["--squash", "0:0.1:0.2", "--out", str(tmp_path / "a.csv")]
+    assert main(["deform", "bowl", *written, "--mu", "0.25", "--piece", str(piece)]) == 0
+    again = ["deform", str(piece), *written, "--piece", str(second)]
+    assert main([*again, "--k", "2"]) == 0
+    material = jaxclay.Material.from_snake_units(mu=0.25, k=2.0)
+    assert load_piece(second).material == material
+    assert main([*again, "--units", "printed"]) == 2
+    assert "the material is the piece's" in capsys.readouterr().err
+    assert main([*again, "--beta", "0.5", "--units", "printed"]) == 0
+    assert load_piece(second).material.beta == 0.5
+    assert load_piece(second).material.alpha == material.alpha
 
 
 def test_deform_plots(tmp_path):
@@ -124,10 +229,8 @@ BAD = {
         ["teapot", "--squash", SQUASH, "--tolerance", "1e-3", "--slices", "64"],
         "one or the other",
     ),
-    "coarser than the tolerance": (
-        ["teapot", "--squash", SQUASH, "--tolerance", "1e-5"],
-        "teapot in 2048 slices .*1.7e-05.* ask for 1.8e-05",
-    ),
+    "piece's name": (["teapot", "--squash", SQUASH, "--piece", "a.csv"], "must end in .json"),
+    "unit of no table": (["teapot", "--squash", SQUASH, "--unit", "mm"], "teapot is no table"),
     "held end": (["teapot", "--squash", "1:3:1.5", "--top-fixed"], "no room.*3"),
     "no room for the lower bound": (
         ["teapot", "--squash", "0:2.24:1.5", "--top-fixed"],
@@ -178,13 +281,14 @@ def test_out_and_plot_must_differ(tmp_path, capfd):
     assert not out.exists()
 
 
-def test_a_pointed_tip_is_clipped_where_asked(tmp_path, capfd):
+def test_a_pointed_tip_is_clipped_and_told(tmp_path, capfd):
     cone, out = tmp_path / "cone.csv", tmp_path / "out.csv"
     cone.write_text("height,radius\n0,1\n1,1\n2,0\n")
     arguments = ["deform", str(cone), "--squash", "0:0.5:0.8", "--out", str(out)]
-    assert main(arguments) == 2
-    assert "minimum_radius" in capfd.readouterr().err
+    assert main(arguments) == 0
+    assert "radius 0 at the top clipped to the floor 0.03" in capfd.readouterr().err
     assert main([*arguments, "--minimum-radius", "0.1"]) == 0
+    assert "radii below 0.1 raised to it" in capfd.readouterr().err
 
 
 def test_a_bad_line_of_a_file_is_named(tmp_path, capfd):
