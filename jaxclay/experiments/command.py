@@ -24,6 +24,8 @@ except ImportError as error:
 from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
 from jaxclay.experiments.entries.tables import Experiment
+from jaxclay.files.profiles import PROFILES, read_profile
+from jaxclay.files.several import refusing
 
 _MISSING = 1
 _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
@@ -36,6 +38,7 @@ def sweep(
     backend: str = "serial",
     scheduler: str | None = None,
     profiles: str | Path | None = None,
+    strict: bool = False,
     dry_run: bool = False,
     quiet: bool = False,
     interrupt: Interrupt = lambda: None,
@@ -44,12 +47,14 @@ def sweep(
 
     Returns 0, 1 if results are missing at the end, or 130 if it was interrupted.
     """
-    edited = editing.of_file(experiment, profiles)
+    with refusing(strict):
+        edited = editing.of_file(experiment, profiles)
     folder = Path("out") / Path(experiment).stem if out is None else Path(out)
     words = ["jaxclay", "sweep", str(experiment), "--out", str(folder)]
     words += ["--backend", backend] if backend != "serial" else []
     words += ["--scheduler", scheduler] if scheduler else []
     words += ["--profiles", str(profiles)] if profiles else []
+    words += ["--strict"] if strict else []
     how = {"backend": backend, "scheduler": scheduler, "quiet": quiet, "dry_run": dry_run}
     begin = time.perf_counter()
     code, work = carry_out(edited, folder, shlex.join(words), interrupt, **how)
@@ -115,6 +120,8 @@ def carry_out(
     engine.check_backend(whole, backend, scheduler)
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"--out {folder} is a file: name a folder")
+    if not quiet:
+        _tell_profiles(whole)
     if not dry_run:
         engine.set_damage_aside(folder)
     work = engine.work(whole, folder, backend)
@@ -139,6 +146,16 @@ def carry_out(
         _say(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
         return _MISSING, work
     return 0, work
+
+
+def _tell_profiles(experiment: Experiment) -> None:
+    """What was taken for what in the files of profiles, on standard error."""
+    parts = (experiment, *(experiment.parts or ()))
+    tables = [table for part in parts for table in part.scenes or ()]
+    read = {(name, table.minimum_radius) for table in tables for name in table.profiles or ()}
+    for name, least in sorted(read, key=str):
+        if name not in PROFILES:
+            print(f"{name}: {read_profile(name, least).said}", file=sys.stderr)
 
 
 def _say(text: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from jaxclay.experiments.contestants import DEFAULT
 from jaxclay.experiments.peers import PEERS
+from jaxclay.files.several import refusing
 from jaxclay.methods import METHODS
 
 Interrupt = Callable[[], None]
@@ -46,6 +47,7 @@ def _add_compare(commands, interrupt: Interrupt) -> None:
         "--slices", nargs="+", type=int, metavar="N", help="grids (default 64, and 128 for some)"
     )
     compare.add_argument("--profiles", type=Path, metavar="FOLDER", help="add every CSV in FOLDER")
+    _add_strict(compare)
     compare.add_argument("--quick", action="store_true", help="few scenes, 64 slices, few repeats")
     compare.add_argument(
         "--minimum-radius", type=float, metavar="R",
@@ -56,10 +58,11 @@ def _add_compare(commands, interrupt: Interrupt) -> None:
     def run(options: argparse.Namespace) -> int:
         from jaxclay.experiments import command, editing
 
-        edited = editing.comparison(
-            options.scenes, options.methods, options.slices, options.profiles, options.quick,
-            options.minimum_radius, options.peers,
-        )  # fmt: skip
+        with refusing(options.strict):
+            edited = editing.comparison(
+                options.scenes, options.methods, options.slices, options.profiles, options.quick,
+                options.minimum_radius, options.peers,
+            )  # fmt: skip
         return command.shown(edited, options.out, interrupt, options.rows, options.quiet)
 
     compare.set_defaults(run=run)
@@ -98,6 +101,7 @@ def _add_sweep(commands, interrupt: Interrupt) -> None:
         "Stop it at any time; the same command goes on.",
     )
     _add_common(sweep, "default out/NAME of the file")
+    _add_strict(sweep)
     sweep.add_argument(
         "--backend", choices=("serial", "processes", "dask"), default="serial",
         help="where tasks are solved: here, the only one for timing, or in a process a core",
@@ -113,8 +117,8 @@ def _add_sweep(commands, interrupt: Interrupt) -> None:
 
         return command.sweep(
             options.experiment, options.out, backend=options.backend, scheduler=options.scheduler,
-            profiles=options.profiles, dry_run=options.dry_run, quiet=options.quiet,
-            interrupt=interrupt,
+            profiles=options.profiles, strict=options.strict, dry_run=options.dry_run,
+            quiet=options.quiet, interrupt=interrupt,
         )  # fmt: skip
 
     sweep.set_defaults(run=run)
@@ -145,14 +149,16 @@ def _add_agree(commands, interrupt: Interrupt) -> None:
         "greedy-refined, scene by scene; 1 if any disagree or none could be compared.",
     )
     _add_common(agree, "to keep results in; default: they are not kept")
+    _add_strict(agree)
     agree.add_argument("--only", metavar="KEY", help="only the task of this key")
 
     def run(options: argparse.Namespace) -> int:
         from jaxclay.experiments import command  # first: it says which extra is missing
 
-        return command.agree(
-            options.experiment, options.out, options.profiles, options.only, interrupt
-        )
+        with refusing(options.strict):
+            return command.agree(
+                options.experiment, options.out, options.profiles, options.only, interrupt
+            )
 
     agree.set_defaults(run=run)
 
@@ -165,6 +171,13 @@ def _add_common(command, out: str) -> None:
     command.add_argument(
         "--profiles", type=Path, metavar="FOLDER", help="add every CSV in FOLDER to the profiles"
     )
+
+
+def _add_strict(command) -> None:
+    command.add_argument(
+        "--strict", action="store_true",
+        help="stop at a file that is no profile, instead of naming it and leaving it out",
+    )  # fmt: skip
 
 
 def _add_shown(command) -> None:

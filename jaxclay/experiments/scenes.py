@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jaxclay.clay.clay import Clay
-from jaxclay.files.profiles import PROFILES, load_profile
+from jaxclay.files.profiles import PROFILES, loaded
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash
 from jaxclay.schemes.posing import pose
@@ -129,14 +129,14 @@ def profile_scene(name: str, source: str, place: str, minimum_radius: float | No
 
     ``place`` is "middle" or "shoulder"; ``minimum_radius`` clips pointed tips.
     """
-    fine = load_profile(source, 512, minimum_radius)
+    fine = loaded(source, 512, minimum_radius).clay
     height, r0 = float(fine.height), float(fine.r0)
     middle = (fine.heights[:-1] + fine.heights[1:]) / 2
     centre = 0.5 * height if place == "middle" else _shoulder(middle, fine.radii, height)
     radius = 0.85 * float(np.interp(centre, middle, fine.radii))
     half = max(0.06 * height, _LEAST_SHARE * r0**2 / radius**2 / 2)
     squash = Squash(centre - half, centre + half, radius)
-    return Scene(name, lambda slices: load_profile(source, slices, minimum_radius), (squash,))
+    return Scene(name, lambda n: loaded(source, n, minimum_radius).clay, (squash,))
 
 
 def _shoulder(heights: np.ndarray, radii: np.ndarray, height: float) -> float:

@@ -21,9 +21,11 @@ from jaxclay.experiments import load, run  # noqa: E402
 from jaxclay.experiments.charts.heat import failure_charts  # noqa: E402
 from jaxclay.experiments.charts.series import prepared, told_apart  # noqa: E402
 from jaxclay.experiments.charts.standard import all_charts  # noqa: E402
+from jaxclay.experiments.editing import comparison  # noqa: E402
 from jaxclay.experiments.entries.reading import files_of, read_experiment  # noqa: E402
 from jaxclay.experiments.results import curves  # noqa: E402
 from jaxclay.experiments.summary import summary  # noqa: E402
+from jaxclay.files.several import RefusedProfile  # noqa: E402
 
 SETTINGS = """\
 kind = "throughput"
@@ -168,6 +170,46 @@ def test_a_folder_of_profiles_takes_every_ending_and_no_hidden_file(tmp_path):
     assert len(read_experiment(path).scenes[0].profiles) == 2
     out = str(tmp_path / "out")
     assert main(["sweep", str(path), "--out", out, "--dry-run", "--profiles", str(tmp_path)]) == 0
+
+
+@pytest.fixture
+def pots(tmp_path):
+    """A folder of two profiles and one that is none, and an experiment that names all of them."""
+    folder = tmp_path / "pots"
+    folder.mkdir()
+    (folder / "cup.csv").write_text("z;d\n0;8,0\n2;11,0\n4;9,0\n")
+    (folder / "pot.csv").write_text("height,radius\n0,1\n1,1\n")
+    (folder / "jug.csv").write_text("height,radius\n0,1\n1,nan\n2,1\n")
+    path = tmp_path / "glob.toml"
+    text = SETTINGS.replace("cylinders = { radius = [0.4, 0.5] }", 'profiles = ["pots/*.csv"]')
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("added", [False, True])
+def test_a_file_that_is_no_profile_is_named_and_left_out(pots, capsys, added):
+    command = ["sweep", str(pots), "--out", str(pots.parent / "out"), "--dry-run"]
+    command += ["--profiles", str(pots.parent / "pots")] if added else []
+    assert main(command) == 0
+    said = capsys.readouterr()
+    assert re.search(r"left out \S*jug\.csv: line 3: radius 'nan'", said.err)
+    assert re.search(
+        r"cup\.csv: read 3 rows: semicolons, decimal commas, z as height and", said.err
+    )
+    assert re.search(r"\(\d+ scenes", said.out)
+    assert main([*command, "--strict"]) == 2
+    assert re.search(r"error: \S*jug\.csv: line 3: radius 'nan'", capsys.readouterr().err)
+
+
+def test_the_comparison_leaves_out_what_is_no_profile_or_stops(pots, capsys):
+    folder = pots.parent / "pots"
+    with pytest.warns(RefusedProfile, match="jug.csv"):
+        edited = comparison(scenes=["cup-middle", "pot-shoulder"], profiles=folder)
+    assert len(edited.experiment.parts[0].scenes) == 2
+    command = ["compare", "--out", str(pots.parent / "out"), "--profiles", str(folder)]
+    assert main([*command, "--strict"]) == 2
+    assert re.search(r"error: \S*jug\.csv: line 3", capsys.readouterr().err)
+    assert not (pots.parent / "out").exists()
 
 
 @pytest.mark.parametrize("depth", [100, 900, 100_000])

@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from jaxclay.experiments.entries.lines import MistakeAt, Place, line_of
 from jaxclay.experiments.entries.tables import TABLES, Experiment, ScenesTable, Table
 from jaxclay.experiments.entries.values import Values
-from jaxclay.files.profiles import PROFILES, load_profile
+from jaxclay.files.profiles import PROFILES
+from jaxclay.files.several import only_profiles
 
 _PACKAGED = Path(__file__).parents[1] / "packaged"
 _MOST = 1_000_000  # scenes of a table
@@ -184,7 +185,7 @@ def files_of(folder: Path, minimum_radius: float | None = None) -> list[str]:
     Raises
     ------
     ValueError
-        There is none, or one that is no profile.
+        There is none.
     """
     if not folder.is_dir():
         wrong = "is a file" if folder.exists() else "does not exist"
@@ -196,9 +197,7 @@ def files_of(folder: Path, minimum_radius: float | None = None) -> list[str]:
     )
     if not files:
         raise ValueError(f"no CSV file in {folder}: each profile is a file with height,radius")
-    for file in files:
-        _check_profile(file, minimum_radius)
-    return files
+    return only_profiles(files, minimum_radius)
 
 
 def _matches(entry: str, folder: Path, place: Place, least: float | None) -> list[str]:
@@ -220,19 +219,9 @@ def _matches(entry: str, folder: Path, place: Place, least: float | None) -> lis
             "pots/*.csv",
         )
     try:
-        for file in files:
-            _check_profile(file, least)
+        return only_profiles(files, least)
     except ValueError as error:
         raise MistakeAt(place, str(error)) from None
-    return files
-
-
-def _check_profile(file: str, minimum_radius: float | None) -> None:
-    """Load a profile, so that what is none is refused before anything runs."""
-    try:
-        load_profile(file, minimum_radius=minimum_radius)
-    except OSError as error:
-        raise ValueError(str(error)) from None
 
 
 def _combinations(table: ScenesTable) -> int:

@@ -17,7 +17,7 @@ from jaxclay.clay.clay import Clay
 from jaxclay.experiments.entries.tables import CylinderTable, ScenesTable, SquashTable
 from jaxclay.experiments.entries.values import Values
 from jaxclay.experiments.scenes import Scene, packaged_scenes, profile_scene
-from jaxclay.files.profiles import PROFILES, load_profile
+from jaxclay.files.profiles import PROFILES, loaded
 from jaxclay.model.squash import Squash
 
 _FINE = 512  # slices on which a profile's own radius is looked up
@@ -112,7 +112,10 @@ class Specification:
             if self.place:
                 found = profile_scene(self.name, self.source, self.place, least)
                 return dataclasses.replace(found, **constants)
-            piece = functools.partial(load_profile, self.source, minimum_radius=least)
+
+            def piece(slices: int) -> Clay:
+                return loaded(self.source, slices, least).clay
+
         squashes = _squashes(piece(slices=_FINE), self.bands)
         return Scene(self.name, lambda n: piece(slices=n), squashes, **constants)
 
