@@ -215,6 +215,8 @@ def _turns(heights: np.ndarray, radii: np.ndarray, rows: np.ndarray, name: Name)
         return (
             f"{here}: outer and inner line of a hollow vessel in one file. Clay is solid: keep the "
             f"outer line, {_span(keep, name)}, and take out {_span(leave, name)}"
+            + ". Of both halves of a drawing subtract where the axis is"
+            * bool(radii.min() > 0)
         )
     return (
         f"{here}: the wall overhangs, or points are out of order. Each height may have one radius, "

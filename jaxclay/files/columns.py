@@ -11,6 +11,8 @@ from jaxclay.files.headers import ACROSS, HEIGHT, bare, named, one_of, rank_of
 from jaxclay.files.reading import Row, Table, like_a_number, split
 from jaxclay.files.units import UNITS, unit_named
 
+_LONGEST = 1000  # characters of a comment that may be a header
+
 
 @dataclasses.dataclass(frozen=True)
 class Columns:
@@ -108,6 +110,8 @@ def _header(table: Table, first: int, wanted: str | None) -> tuple[_Header | Non
     # As NumPy writes it, in a comment.
     before = [comment for comment in table.comments if comment[0] < rows[first].line]
     for line, text in reversed(before):
+        if len(text) > _LONGEST:
+            continue
         for separator in (table.separator, " "):
             cells = split(text, separator)
             if len(cells) == len(rows[first].cells) and (
@@ -130,32 +134,39 @@ def _units_row(rows: list[Row]) -> list[str] | None:
 def _matched(line: int, cells: list[str], units: list[str], wanted: str | None) -> _Header | None:
     """The header that a row is, if it names what is wanted."""
     if wanted is not None:
-        if _are_numbers(wanted):
-            places = [int(one) - 1 for one in _two(wanted)]
-            if len(cells) <= max(places) or any(map(like_a_number, cells)):
-                return None
-        else:
-            names = [named(cell)[0] for cell in cells]
-            lower = [cell.casefold() for cell in cells]
-            places = []
-            for one in _two(wanted):
-                known = [i for i, cell in enumerate(lower) if cell == one.casefold()]
-                known = known or [i for i, name in enumerate(names) if name == named(one)[0]]
-                places += known[:1]
-            if len(places) < 2:
-                return None
+        places = _places(cells, wanted)
+        if places is None:
+            return None
         found = next((q for q, _ in ACROSS if rank_of(q, cells[places[1]]) is not None), "radius")
-        return _Header(line, cells, units, places[0], places[1], found)
+        return _Header(line, cells, units, *places, found)
     height = one_of(line, cells, [(HEIGHT, rank) for rank in range(4)])
     across = one_of(line, cells, ACROSS)
     if height is None or across is None:
         return None
-    if {"x", "y", "z"} <= {named(cell)[0] for cell in cells} and across[0] == "radius":
+    names = [named(cell)[0] for cell in cells]
+    if names[across[1]] == "x" and {"y", "z"} <= set(names):
         raise ValueError(
             f"line {line}: the columns x, y and z are points in space, but a profile lies in a "
             "plane through the axis: say which two are height and radius, --columns z,x"
         )
     return _Header(line, cells, units, height[1], across[1], across[0])
+
+
+def _places(cells: list[str], wanted: str) -> tuple[int, int] | None:
+    """Where a row names the wanted columns; None where it does not."""
+    asked = _two(wanted)
+    if _are_numbers(wanted):
+        height, across = (int(one) - 1 for one in asked)
+        fits = max(height, across) < len(cells) and not any(map(like_a_number, cells))
+        return (height, across) if fits else None
+    whole, names = [cell.casefold() for cell in cells], [named(cell)[0] for cell in cells]
+    found = []
+    for one in asked:
+        for known, name in ((whole, one.casefold()), (names, named(one)[0])):
+            if name in known:
+                found.append(known.index(name))
+                break
+    return (found[0], found[1]) if len(found) == 2 else None
 
 
 def _two(wanted: str) -> list[str]:

@@ -73,6 +73,8 @@ OPENED = {
     "trailing cells and lines": ("height,radius,,\n0,4,,\n2,5.5,,\n4,4.5,,\n\n,,\n", "read 3 rows"),
     "notes": ('id,height,radius,note\n1,0,4,"a, b"\n2,2,5.5,\n3,4,4.5,"c # d"\n', "read 3 rows"),
     "any case, turned around": ("RADIUS,Height\n4,0\n5.5,2\n4.5,4\n", "height and radius"),
+    "x, y, z and a radius": ("x,y,z,radius\n9,9,0,4\n9,9,2,5.5\n9,9,4,4.5\n", "z as height and ra"),
+    "a long comment": ("# " + 200_000 * "x" + "\n" + POT, "no header"),
     "z and r": ("r;z\n4;0\n5.5;2\n4.5;4\n", "z as height and r as radius"),
     "h and x": ("h,x\n" + POT, "h as height and x as radius"),
     "diameter": ("y,Diameter\n0,8\n2,11\n4,9\n", "y as height and diameter"),
@@ -209,6 +211,10 @@ REFUSED = {
     ),
     "its inner line first": (
         HEAD + "\n".join(reversed(HOLLOW.split())), "outer line, lines 6 to 9.*lines 2 to 5",
+    ),
+    "both halves beside the axis": (
+        HEAD + "4,95\n2,90\n0,98\n0,112\n2,120\n4,115\n", "line 6: height 2 follows 0: .*"
+        "Of both halves of a drawing subtract where the axis is$",
     ),
     "an overhang of one half": (
         HEAD + "0,-4\n2,-5\n1,-6\n4,-5\n0,4\n4,5\n", "left half: line 4: height 1 follows 2",
