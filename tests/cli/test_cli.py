@@ -339,6 +339,7 @@ def test_ctrl_c_ends_with_130_and_no_file(tmp_path):
     """A fresh process, since it is killed while it compiles."""
     out = tmp_path / "shape.csv"
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("JAX_COMPILATION_CACHE_DIR", None)  # which would hold the programs already
     command = [sys.executable, "-c", "from jaxclay.cli.main import entry; entry()", "deform"]
     squashes = ["--squash", SQUASH] * 20
     arguments = [*command, "teapot", *squashes, "--slices", "301", "--out", str(out)]
