@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import atexit
+import dis
 import os
 import signal
 import sys
 import traceback
+import types
 
 from jaxclay.cli.deform import add_to as add_deform
 from jaxclay.experiments.options import add_to as add_experiments
@@ -62,9 +64,23 @@ def _run(options: argparse.Namespace) -> int:
 def _is_refusal(error: Exception) -> bool:
     """Whether the user's input, files or packages are the cause, rather than a fault inside.
 
-    This package raises ValueError itself; kinds of it, such as LinAlgError, come from elsewhere.
+    This package refuses input by a ValueError of its own; kinds of it, such as LinAlgError, and
+    one that a library raises, or Python in a call from here, come from a fault.
     """
-    return type(error) is ValueError or isinstance(error, Hindrance | OSError | ImportError)
+    if isinstance(error, Hindrance | OSError | ImportError):
+        return True
+    return type(error) is ValueError and _is_raised_here(error.__traceback__)
+
+
+def _is_raised_here(deepest: types.TracebackType | None) -> bool:
+    """Whether a ``raise`` of this package ends a traceback."""
+    while deepest is not None and deepest.tb_next is not None:
+        deepest = deepest.tb_next
+    if deepest is None:
+        return False
+    frame = deepest.tb_frame
+    instruction = dis.opname[frame.f_code.co_code[deepest.tb_lasti]]
+    return instruction == "RAISE_VARARGS" and frame.f_globals["__name__"].startswith("jaxclay.")
 
 
 _interrupts: list[int] = []

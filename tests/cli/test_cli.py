@@ -200,6 +200,7 @@ FAULTS = [
     RecursionError("maximum recursion depth exceeded"),
     np.linalg.LinAlgError("Singular matrix"),
     TypeError("unsupported operand"),
+    ValueError("operands could not be broadcast together"),
 ]
 
 
@@ -216,6 +217,13 @@ def test_a_fault_inside_is_not_told_as_bad_input(tmp_path, capfd, monkeypatch, f
     assert str(fault) in error
     assert "error: " + str(fault) not in error.splitlines()[-1]
     assert not out.exists()
+
+
+def test_what_python_refuses_of_the_package_is_a_fault_too(tmp_path, capfd, monkeypatch):
+    """No frame of a library's tells it from a refusal: int raises in the package's own."""
+    monkeypatch.setattr("jaxclay.cli.deform.parse_squash", int)
+    assert main(["deform", "bowl", "--squash", "0:1:2", "--out", str(tmp_path / "a.csv")]) == 70
+    assert "invalid literal" in capfd.readouterr().err
 
 
 def test_what_the_package_itself_refuses_at_run_time_is_bad_input(tmp_path, capfd, monkeypatch):
