@@ -17,7 +17,7 @@ from jaxclay.experiments.machine import cores, environment, one_thread
 from jaxclay.experiments.solving.rows import Row
 from jaxclay.experiments.solving.solve import solve
 from jaxclay.experiments.solving.where import xla_threads
-from jaxclay.numerics.checks import Hindrance
+from jaxclay.numerics.checks import Hindrance, needing
 from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
@@ -47,13 +47,8 @@ def distributed(batches: Batches, scheduler: str | None = None) -> Iterator[list
         A worker computes by another code, on another kind of device or with more threads; a batch
         has cost several workers their life.
     """
-    try:
+    with needing("sweep", "a backend of processes"):
         from distributed import Client, KilledWorker, as_completed
-    except ImportError as error:
-        raise ImportError(
-            "processes and dask need dask.distributed: pip install 'jaxclay[sweep]'",
-            name=error.name,
-        ) from error
 
     with contextlib.ExitStack() as stack:
         where: Any = stack.enter_context(local_cluster()) if scheduler is None else scheduler

@@ -9,17 +9,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-try:
+from jaxclay.numerics.checks import needing
+
+with needing("sweep", "an experiment"):
     import jinja2  # noqa: F401
     import pyarrow  # noqa: F401
 
     from jaxclay.experiments import editing, engine
     from jaxclay.experiments.progress import INTERRUPTED, Interrupt, plain_console, watched
     from jaxclay.experiments.store import keep_experiment
-except ImportError as error:
-    raise ImportError(
-        f"experiments need {error.name}: pip install 'jaxclay[sweep]'", name=error.name
-    ) from error
 
 from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
