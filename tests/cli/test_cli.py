@@ -55,6 +55,7 @@ def test_deform_on_slices_writes_their_volume(tmp_path):
     assert len(rows(out)) < 64 + 8  # a slice each, edges and ends
 
 
+@pytest.mark.core
 def test_deform_does_what_the_library_does(tmp_path):
     out = tmp_path / "shape.csv"
     main(["deform", "bowl", "--squash", "0:0.1:0.2", "--mu", "0.5", "--out", str(out)])

@@ -94,6 +94,7 @@ def test_csv_round_trip_of_packaged_profiles(tmp_path, name):
     same_bits(load_profile(tmp_path / "piece.csv"), clay)
 
 
+@pytest.mark.core
 def test_csv_round_trip_of_squashed_clay(tmp_path):
     clay = jaxclay.deform(Clay.cylinder(), Squash(0.35, 0.6, 0.4), SNAKE, scheme="paper").clay
     save_profile(clay, tmp_path / "piece.csv")

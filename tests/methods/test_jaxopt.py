@@ -47,5 +47,5 @@ def test_an_import_that_fails_otherwise_is_told_too(monkeypatch):
     for name in [name for name in sys.modules if name.partition(".")[0] == "jaxopt"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
-    with pytest.raises(ImportError, match="tree_map.*pip install jaxopt"):
+    with pytest.raises(ImportError, match=r"tree_map.*pip install jaxopt"):
         traced("lbfgs")

@@ -22,6 +22,7 @@ def leaves_of(*trees):
     return [np.asarray(leaf) for leaf in jax.tree.leaves(trees)]
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("flag", [False, True])
 def test_host_calls_give_numpy_float64_whatever_the_flag(flag):
     with jax.enable_x64(flag):
@@ -82,6 +83,7 @@ def solved(radius, mu):
     return solution.heights, solution.energy, solution.status_code
 
 
+@pytest.mark.core
 def test_deform_can_be_compiled_and_mapped():
     radii, mus = np.array([0.38, 0.42, 0.55]), np.array([0.3, 1.0, 0.5])
     with jax.enable_x64(True):
@@ -93,6 +95,7 @@ def test_deform_can_be_compiled_and_mapped():
         assert mapped[1][j] == pytest.approx(energy, rel=1e-11)
 
 
+@pytest.mark.core
 def test_new_values_compile_nothing():
     jax.clear_caches()  # what other tests have compiled would not be counted
     log = compilations()
@@ -125,6 +128,7 @@ def run_python(code, *options):
     )
 
 
+@pytest.mark.core
 def test_import_is_light():
     code = (
         "import sys, jaxclay\n"
@@ -137,6 +141,7 @@ def test_import_is_light():
     assert result.stdout.strip() == "[]"
 
 
+@pytest.mark.core
 def test_no_warning_escapes_and_no_filter_is_left_behind():
     code = (
         "import warnings\n"
