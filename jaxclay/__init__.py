@@ -2,6 +2,7 @@
 
 import builtins
 
+from jaxclay import starting as starting
 from jaxclay import moved as moved
 from jaxclay.version import __version__ as __version__
 

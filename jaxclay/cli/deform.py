@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jaxclay.clay.clay import Converted
+from jaxclay.files.output import check_target
 from jaxclay.files.profiles import PROFILES, is_special, loaded, save_profile
 from jaxclay.files.svg import save_svg
 from jaxclay.methods import METHODS
@@ -137,9 +139,11 @@ def _check_targets(*targets: Path | None) -> None:
     for target in filter(None, targets):
         if target.is_dir():
             raise ValueError(f"{target} is a folder: name a file in it")
-        if not target.resolve().parent.is_dir():
-            raise ValueError(f"no folder {target.resolve().parent} to write {target.name} into")
-    names = [target.resolve() for target in filter(None, targets) if not is_special(target)]
+        folder = Path(os.path.realpath(target)).parent
+        if not folder.is_dir():
+            raise ValueError(f"no folder {folder} to write {target.name} into")
+        check_target(target)
+    names = [os.path.realpath(target) for target in filter(None, targets) if not is_special(target)]
     if len(set(names)) < len(names):
         raise ValueError(
             f"two of --out, --plot and --svg name the same file, {names[0]}: name one for each"

@@ -6,6 +6,7 @@ import argparse
 import atexit
 import dis
 import os
+import shlex
 import signal
 import sys
 import traceback
@@ -13,23 +14,25 @@ import types
 
 from jaxclay.cli.deform import add_to as add_deform
 from jaxclay.experiments.options import add_to as add_experiments
-from jaxclay.files.output import patient_output
+from jaxclay.files.output import open_streams, patient_output
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.compilations import keep_compilations
+from jaxclay.starting import INTERRUPTED
 from jaxclay.version import __version__
 
 _ABOUT = "Differentiable virtual clay: rotationally symmetric deformation by energy minimisation."
 _BAD_INPUT = 2
 _FAULT = 70  # as EX_SOFTWARE of sysexits.h
-_INTERRUPTED = 130
 
 
 def entry() -> None:
     """The command ``jaxclay``: :func:`main`, and an end that no thread can spoil."""
+    open_streams()
     signal.signal(signal.SIGINT, _interrupt)
     code = main()
+    signal.signal(signal.SIGINT, lambda *_: os._exit(code))  # all is done
     if _interrupts:  # XLA may still compile in another thread, which nothing ends
-        code = _INTERRUPTED
+        code = INTERRUPTED
     else:
         atexit._run_exitfuncs()
     # An end in good order aborts some of a hundred runs: XLA's and Arrow's threads outlive
@@ -40,18 +43,21 @@ def entry() -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 if it went well, 2 on bad input, 70 on a fault inside, 130 on Ctrl-C."""
     with patient_output():
-        return _run(_parser().parse_args(arguments))
+        given = sys.argv[1:] if arguments is None else arguments
+        try:
+            return _run(_parser().parse_args(given))
+        except KeyboardInterrupt:
+            again = shlex.join(["jaxclay", *given])
+            print(f"jaxclay: interrupted; go on, or begin anew, with\n  {again}", file=sys.stderr)
+            return INTERRUPTED
 
 
 def _run(options: argparse.Namespace) -> int:
-    keep_compilations()
     try:
+        keep_compilations()
         code = options.run(options)
         sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print(f"jaxclay {options.command}: interrupted", file=sys.stderr)
-        return _INTERRUPTED
     except Exception as error:
         if _is_refusal(error):
             print(f"jaxclay {options.command}: error: {error}", file=sys.stderr)

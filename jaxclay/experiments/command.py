@@ -22,6 +22,7 @@ with needing("sweep", "an experiment"):
 from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
 from jaxclay.experiments.entries.tables import Experiment
+from jaxclay.files.output import check_folder
 
 _MISSING = 1
 _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
@@ -120,6 +121,7 @@ def carry_out(
         _say(_described(whole, work, folder))
     if dry_run or not work.missing:
         return 0, work
+    check_folder(folder)
     keep_experiment(folder, edited.name, edited.text)
     total, done = len(work.every), len(work.every) - len(work.missing)
     try:

@@ -83,7 +83,6 @@ def solved(radius, mu):
     return solution.heights, solution.energy, solution.status_code
 
 
-@pytest.mark.core
 def test_deform_can_be_compiled_and_mapped():
     radii, mus = np.array([0.38, 0.42, 0.55]), np.array([0.3, 1.0, 0.5])
     with jax.enable_x64(True):
@@ -95,7 +94,6 @@ def test_deform_can_be_compiled_and_mapped():
         assert mapped[1][j] == pytest.approx(energy, rel=1e-11)
 
 
-@pytest.mark.core
 def test_new_values_compile_nothing():
     jax.clear_caches()  # what other tests have compiled would not be counted
     log = compilations()

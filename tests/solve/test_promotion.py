@@ -19,7 +19,6 @@ def strict():
         yield
 
 
-@pytest.mark.core
 @pytest.mark.parametrize("scheme", SIZES)
 def test_host_calls(scheme):
     problem = pose(Clay.cylinder(slices=24), MIDDLE, MATERIAL, scheme, **SIZES[scheme])
@@ -39,7 +38,6 @@ def test_methods_without_splines(method):
     assert least <= minimize(problem, method).energy <= rough
 
 
-@pytest.mark.core
 def test_whole_squashes_of_a_profile():
     clay = jaxclay.load_profile("bowl", 32)
     squash = Squash(0.0, 0.1, 0.2)
