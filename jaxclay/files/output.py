@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_SILENT = 8.0  # seconds, at most, without a word
+SILENT = 8.0  # seconds, at most, without a word
 _ROOM = 2**16  # bytes that a folder has to take beforehand
 
 
@@ -91,12 +91,12 @@ def _speak(ended: threading.Event, out: _Patient, err: _Patient) -> None:
     begin = time.monotonic()
     while True:
         now = time.monotonic()
-        due = max(out.last, err.last) + _SILENT
+        due = max(out.last, err.last) + SILENT
         if now >= due:
             with contextlib.suppress(OSError, ValueError):  # nobody may read it any more
                 err.write(f"still at work after {now - begin:.0f} s\n")
                 err.flush()
-            due = now + _SILENT
+            due = now + SILENT
         if ended.wait(due - now):
             return
 
