@@ -7,7 +7,7 @@ import shlex
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jaxclay.numerics.checks import needing
 
@@ -23,6 +23,10 @@ from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
 from jaxclay.experiments.entries.tables import Experiment
 from jaxclay.files.output import check_folder
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 _MISSING = 1
 _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
@@ -82,11 +86,10 @@ def shown(
     every = select(every, every.key.isin(list(keys)))
     console = plain_console()
     if rows:
-        console.width = console.width if console.is_terminal else _ENDLESS
         lines = map(summary.cells, records(every))
-        console.print(summary.printed("every row", lines, summary.ROWS))
-    console.width = console.width if console.is_terminal else _WIDE
-    console.print(summary.printed(f"jaxclay {edited.name}", summary.summary(every)))
+        _print_whole(console, summary.printed("every row", lines, summary.ROWS), _ENDLESS)
+    lines = summary.summary(every)
+    _print_whole(console, summary.printed(f"jaxclay {edited.name}", lines), _WIDE)
     for reason, count in summary.refusals(every).items():
         console.print(f"refused {count} times: {reason}", highlight=False, soft_wrap=True)
     report = folder / "report.html"
@@ -139,6 +142,15 @@ def carry_out(
         _say(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
         return _MISSING, work
     return 0, work
+
+
+def _print_whole(console: Console, table: Table, wide: int) -> None:
+    """Print a table whole: a terminal that is narrower than that breaks its lines."""
+    terminal = console.width if console.is_terminal else wide
+    console.width = wide
+    console.width = max(terminal, console.measure(table).maximum)
+    console.print(table)
+    console.width = terminal
 
 
 def _say(text: str) -> None:
