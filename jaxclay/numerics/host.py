@@ -174,11 +174,23 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
         check_float64(name)
         return fun.traced(*args, **static)
     _check_threads()
-    let_go()
     # What depends on nothing that is traced is a constant inside a transformation.
-    ambient = contextlib.nullcontext() if _outside() else jax.ensure_compile_time_eval()
+    ambient = contextlib.nullcontext() if _outside() else _evaluating_inside()
     with ambient, jax.enable_x64(True), whatever_is_watched():
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
+
+
+_inside: list[bool] = []  # calls from the host under way within a trace, which JAX does not tell
+
+
+@contextlib.contextmanager
+def _evaluating_inside() -> Iterator[None]:
+    _inside.append(True)
+    try:
+        with jax.ensure_compile_time_eval():
+            yield
+    finally:
+        _inside.pop()
 
 
 @contextlib.contextmanager
@@ -196,7 +208,7 @@ def whatever_is_watched() -> Iterator[None]:
 
 def _outside() -> bool:
     """Whether nothing is being traced around this call, not even what it does not depend on."""
-    return trace_state_clean()
+    return trace_state_clean() and not _inside
 
 
 _without_threads: list[bool] = []
@@ -237,6 +249,7 @@ recent_compilations: list[float] = []  # seconds of each since mappings were las
 def _count(event: str, duration_secs: float, **_: Any) -> None:
     if event == "/jax/core/compile/backend_compile_duration":
         recent_compilations.append(duration_secs)
+        let_go()
 
 
 jax.monitoring.register_event_duration_secs_listener(_count)
@@ -246,8 +259,9 @@ def let_go() -> None:
     """Let go of all that is compiled where the kernel's limit of mappings comes near.
 
     JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
-    For every call from the host.  Mappings are counted, which takes milliseconds, only after some
-    compilations, and never inside a trace, which needs what has been compiled.
+    For everything that the process compiles, the caller's own functions too.  Mappings are counted,
+    which takes milliseconds, only after some compilations, and never inside a trace, which needs
+    what has been compiled.
     """
     if len(recent_compilations) < LOOK_AFTER or not _outside():
         return
