@@ -13,11 +13,11 @@ import traceback
 import types
 
 from jaxclay.cli.deform import add_to as add_deform
+from jaxclay.cli.starting import INTERRUPTED
 from jaxclay.experiments.options import add_to as add_experiments
 from jaxclay.files.output import open_streams, patient_output
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.compilations import keep_compilations
-from jaxclay.starting import INTERRUPTED
 from jaxclay.version import __version__
 
 _ABOUT = "Differentiable virtual clay: rotationally symmetric deformation by energy minimisation."

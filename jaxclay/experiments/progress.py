@@ -23,8 +23,8 @@ from rich.text import Text
 
 from jaxclay.experiments.engine import Callback, in_words
 from jaxclay.experiments.solving.rows import Row
-from jaxclay.starting import INTERRUPTED as INTERRUPTED
 
+INTERRUPTED = 130
 EVERY = 5.0  # seconds, at most, between plain lines
 Interrupt = Callable[[], None]
 _RATE_OVER = 60.0  # seconds
