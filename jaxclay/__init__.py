@@ -2,6 +2,7 @@
 
 import builtins
 
+from jaxclay.cli import starting as starting  # first: it ends what is interrupted meanwhile
 from jaxclay import moved as moved
 from jaxclay.version import __version__ as __version__
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -12,6 +13,7 @@ from typing import Any
 
 from jaxclay.clay.clay import NEAR, Converted
 from jaxclay.cli.squashes import describe, parse_squash, squash_of
+from jaxclay.files.output import check_target
 from jaxclay.files.piece import Piece, save_piece
 from jaxclay.files.profiles import PROFILES, Profile, read_profile, save_profile
 from jaxclay.files.replacing import is_special, replacing
@@ -185,9 +187,11 @@ def _check_targets(options: argparse.Namespace) -> None:
     for target in targets.values():
         if target.is_dir():
             raise ValueError(f"{target} is a folder: name a file in it")
-        if not target.resolve().parent.is_dir():
-            raise ValueError(f"no folder {target.resolve().parent} to write {target.name} into")
-    names = [target.resolve() for target in targets.values() if not is_special(target)]
+        folder = Path(os.path.realpath(target)).parent
+        if not folder.is_dir():
+            raise ValueError(f"no folder {folder} to write {target.name} into")
+        check_target(target)
+    names = [os.path.realpath(target) for target in targets.values() if not is_special(target)]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import argparse
 import atexit
+import dis
 import os
+import shlex
 import signal
 import sys
 import traceback
+import types
 
 from jaxclay.cli.deform import add_to as add_deform
 from jaxclay.cli.squashes import joined
+from jaxclay.cli.starting import INTERRUPTED
 from jaxclay.experiments.options import add_to as add_experiments
-from jaxclay.files.output import patient_output
+from jaxclay.files.output import open_streams, patient_output
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.compilations import keep_compilations
 from jaxclay.version import __version__
@@ -20,15 +24,16 @@ from jaxclay.version import __version__
 _ABOUT = "Differentiable virtual clay: rotationally symmetric deformation by energy minimisation."
 _BAD_INPUT = 2
 _FAULT = 70  # as EX_SOFTWARE of sysexits.h
-_INTERRUPTED = 130
 
 
 def entry() -> None:
     """The command ``jaxclay``: :func:`main`, and an end that no thread can spoil."""
+    open_streams()
     signal.signal(signal.SIGINT, _interrupt)
     code = main()
+    signal.signal(signal.SIGINT, lambda *_: os._exit(code))  # all is done
     if _interrupts:  # XLA may still compile in another thread, which nothing ends
-        code = _INTERRUPTED
+        code = INTERRUPTED
     else:
         atexit._run_exitfuncs()
     # An end in good order aborts some of a hundred runs: XLA's and Arrow's threads outlive
@@ -40,18 +45,20 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 if it went well, 2 on bad input, 70 on a fault inside, 130 on Ctrl-C."""
     with patient_output():
         words = sys.argv[1:] if arguments is None else arguments
-        return _run(_parser().parse_args(joined(words)))
+        try:
+            return _run(_parser().parse_args(joined(words)))
+        except KeyboardInterrupt:
+            again = shlex.join(["jaxclay", *words])
+            print(f"jaxclay: interrupted; go on, or begin anew, with\n  {again}", file=sys.stderr)
+            return INTERRUPTED
 
 
 def _run(options: argparse.Namespace) -> int:
-    keep_compilations()
     try:
+        keep_compilations()
         code = options.run(options)
         sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print(f"jaxclay {options.command}: interrupted", file=sys.stderr)
-        return _INTERRUPTED
     except Exception as error:
         if _is_refusal(error):
             print(f"jaxclay {options.command}: error: {error}", file=sys.stderr)
@@ -64,9 +71,23 @@ def _run(options: argparse.Namespace) -> int:
 def _is_refusal(error: Exception) -> bool:
     """Whether the user's input, files or packages are the cause, rather than a fault inside.
 
-    This package raises ValueError itself; kinds of it, such as LinAlgError, come from elsewhere.
+    This package refuses input by a ValueError of its own; kinds of it, such as LinAlgError, and
+    one that a library raises, or Python in a call from here, come from a fault.
     """
-    return type(error) is ValueError or isinstance(error, Hindrance | OSError | ImportError)
+    if isinstance(error, Hindrance | OSError | ImportError):
+        return True
+    return type(error) is ValueError and _is_raised_here(error.__traceback__)
+
+
+def _is_raised_here(deepest: types.TracebackType | None) -> bool:
+    """Whether a ``raise`` of this package ends a traceback."""
+    while deepest is not None and deepest.tb_next is not None:
+        deepest = deepest.tb_next
+    if deepest is None:
+        return False
+    frame = deepest.tb_frame
+    instruction = dis.opname[frame.f_code.co_code[deepest.tb_lasti]]
+    return instruction == "RAISE_VARARGS" and frame.f_globals["__name__"].startswith("jaxclay.")
 
 
 _interrupts: list[int] = []

@@ -19,6 +19,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jaxclay.numerics.checks import needing
+
 if TYPE_CHECKING:
     import pandas
     import xarray
@@ -62,9 +64,10 @@ def run(
     RuntimeError
         A worker died; what had been solved is kept.  Another timing run is under way.
     """
-    from jaxclay.experiments import engine
-    from jaxclay.experiments.editing import of_file
-    from jaxclay.experiments.store import keep_experiment
+    with needing("sweep", "jaxclay.experiments.run"):
+        from jaxclay.experiments import engine
+        from jaxclay.experiments.editing import of_file
+        from jaxclay.experiments.store import keep_experiment
 
     found = of_file(experiment, profiles)
     engine.check_backend(found.experiment, backend, scheduler)
@@ -94,7 +97,8 @@ def load(folder: str | Path) -> pandas.DataFrame:
     ValueError
         There are no results in the folder.
     """
-    from jaxclay.experiments.results import table
+    with needing("sweep", "jaxclay.experiments.load"):
+        from jaxclay.experiments.results import table
 
     return table(folder)
 
@@ -116,6 +120,7 @@ def load_curves(folder: str | Path) -> xarray.Dataset:
     ValueError
         There are no results in the folder.
     """
-    from jaxclay.experiments.results import curves
+    with needing("sweep", "jaxclay.experiments.load_curves"):
+        from jaxclay.experiments.results import curves
 
     return curves(folder)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,7 @@ from jaxclay.experiments.frames import number, records, select
 from jaxclay.experiments.progress import INTERRUPTED, plain_console, watched
 from jaxclay.experiments.results import table
 from jaxclay.experiments.store import keep_experiment
+from jaxclay.files.output import check_folder
 
 METHOD = "greedy-refined"
 _SCHEMES = {
@@ -84,13 +86,17 @@ def agree(
     console = plain_console(soft_wrap=True, highlight=False)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary if out is None else out)
+        check_folder(folder)
         keep_experiment(folder, edited.name, edited.text)
         try:
             with watched("agreement", len(todo), 0, interrupt) as callback:
                 run_tasks(todo, folder, callback=callback)
         except KeyboardInterrupt:
-            kept = "" if out is None else f"; what had ended is kept in {out}"
-            console.print(f"interrupted: nothing is said about agreement{kept}")
+            kept = "" if out is None else f" what had ended is kept in {out}, and"
+            again = shlex.join(["jaxclay", *sys.argv[1:]])
+            console.print(
+                f"interrupted:{kept} nothing is said about agreement; again with\n  {again}"
+            )
             return INTERRUPTED
         rows = table(folder) if todo else pd.DataFrame(columns=["key"])
     rows = select(rows, rows.key.isin([task.key for task in todo]))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 import uuid
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -17,7 +18,7 @@ from jaxclay.experiments.machine import cores, environment, one_thread
 from jaxclay.experiments.solving.rows import Row
 from jaxclay.experiments.solving.solve import solve
 from jaxclay.experiments.solving.where import xla_threads
-from jaxclay.numerics.checks import Hindrance
+from jaxclay.numerics.checks import Hindrance, needing
 from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
@@ -47,17 +48,15 @@ def distributed(batches: Batches, scheduler: str | None = None) -> Iterator[list
         A worker computes by another code, on another kind of device or with more threads; a batch
         has cost several workers their life.
     """
-    try:
+    with needing("sweep", "a backend of processes"):
         from distributed import Client, KilledWorker, as_completed
-    except ImportError as error:
-        raise ImportError(
-            "processes and dask need dask.distributed: pip install 'jaxclay[sweep]'",
-            name=error.name,
-        ) from error
 
     with contextlib.ExitStack() as stack:
         where: Any = stack.enter_context(local_cluster()) if scheduler is None else scheduler
-        client: Any = stack.enter_context(Client(where, timeout=ANSWERS_WITHIN))
+        try:
+            client: Any = stack.enter_context(Client(where, timeout=ANSWERS_WITHIN))
+        except ValueError as error:  # such as of an address without a port
+            raise ValueError(f"--scheduler {scheduler}: {error}") from None
         running = as_completed()
         left = iter(batches)
 
@@ -87,11 +86,17 @@ def local_cluster() -> Iterator[Any]:
 
     local: Any = LocalCluster  # its annotations leave out what it documents
     # Set before workers start: the variables are read when they import JAX.
-    with environment(one_thread()), local(
+    with environment(one_thread() | _quiet_after_ctrl_c()), local(
         n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=None,
         silence_logs=50, preload=["jaxclay.experiments.dask_worker"],
     ) as cluster:  # fmt: skip
         yield cluster
+
+
+def _quiet_after_ctrl_c() -> dict[str, str]:
+    """Python's clean-up says what a command that ended in a hurry has left: nothing of use."""
+    mine = "ignore::UserWarning:multiprocessing.resource_tracker"
+    return {"PYTHONWARNINGS": ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), mine)))}
 
 
 def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:

@@ -7,25 +7,28 @@ import shlex
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-try:
+from jaxclay.numerics.checks import needing
+
+with needing("sweep", "an experiment"):
     import jinja2  # noqa: F401
     import pyarrow  # noqa: F401
 
     from jaxclay.experiments import editing, engine
     from jaxclay.experiments.progress import INTERRUPTED, Interrupt, plain_console, watched
     from jaxclay.experiments.store import keep_experiment
-except ImportError as error:
-    raise ImportError(
-        f"experiments need {error.name}: pip install 'jaxclay[sweep]'", name=error.name
-    ) from error
 
 from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
 from jaxclay.experiments.entries.tables import Experiment
+from jaxclay.files.output import check_folder
 from jaxclay.files.profiles import PROFILES, read_profile
 from jaxclay.files.several import refusing
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
 
 _MISSING = 1
 _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
@@ -88,11 +91,10 @@ def shown(
     every = select(every, every.key.isin(list(keys)))
     console = plain_console()
     if rows:
-        console.width = console.width if console.is_terminal else _ENDLESS
         lines = map(summary.cells, records(every))
-        console.print(summary.printed("every row", lines, summary.ROWS))
-    console.width = console.width if console.is_terminal else _WIDE
-    console.print(summary.printed(f"jaxclay {edited.name}", summary.summary(every)))
+        _print_whole(console, summary.printed("every row", lines, summary.ROWS), _ENDLESS)
+    lines = summary.summary(every)
+    _print_whole(console, summary.printed(f"jaxclay {edited.name}", lines), _WIDE)
     for reason, count in summary.refusals(every).items():
         console.print(f"refused {count} times: {reason}", highlight=False, soft_wrap=True)
     report = folder / "report.html"
@@ -129,6 +131,7 @@ def carry_out(
         _say(_described(whole, work, folder))
     if dry_run or not work.missing:
         return 0, work
+    check_folder(folder)
     keep_experiment(folder, edited.name, edited.text)
     total, done = len(work.every), len(work.every) - len(work.missing)
     try:
@@ -156,6 +159,15 @@ def _tell_profiles(experiment: Experiment) -> None:
     for name, least in sorted(read, key=str):
         if name not in PROFILES:
             print(f"{name}: {read_profile(name, least).said}", file=sys.stderr)
+
+
+def _print_whole(console: Console, table: Table, wide: int) -> None:
+    """Print a table whole: a terminal that is narrower than that breaks its lines."""
+    terminal = console.width if console.is_terminal else wide
+    console.width = wide
+    console.width = max(terminal, console.measure(table).maximum)
+    console.print(table)
+    console.width = terminal
 
 
 def _say(text: str) -> None:

@@ -41,7 +41,7 @@ def _add_compare(commands, interrupt: Interrupt) -> None:
     compare.add_argument(
         "--peers", nargs="*", metavar="NAME",
         help="established solvers from outside as well, and E_move alone: those named, or all of "
-        f"{', '.join(PEERS)} (pip install 'jaxclay[peers]')",
+        f"{', '.join(PEERS)} (pip install '.[peers]')",
     )  # fmt: skip
     compare.add_argument(
         "--slices", nargs="+", type=int, metavar="N", help="grids (default 64, and 128 for some)"

@@ -25,7 +25,7 @@ from jaxclay.experiments.engine import Callback, in_words
 from jaxclay.experiments.solving.rows import Row
 
 INTERRUPTED = 130
-EVERY = 10.0  # seconds, at most, between plain lines
+EVERY = 5.0  # seconds, at most, between plain lines
 Interrupt = Callable[[], None]
 _RATE_OVER = 60.0  # seconds
 

@@ -23,6 +23,7 @@ from jaxclay.experiments.frames import groups, records, select
 from jaxclay.experiments.peers import PEERS
 from jaxclay.experiments.results import curves, table
 from jaxclay.experiments.store import experiments
+from jaxclay.files.output import check_folder
 from jaxclay.files.replacing import replacing
 from jaxclay.methods import METHODS
 
@@ -52,10 +53,11 @@ def write(folder: Path, out: Path | None = None, keys: set[str] | None = None) -
     OSError
         They cannot be written.
     """
+    out = folder if out is None else out
+    check_folder(out)
     rows = prepared(table(folder))
     rows = rows if keys is None else select(rows, rows.key.isin(list(keys)))
     shapes, ran = curves(folder), experiments(folder)
-    out = folder if out is None else out
     pictures = out / CHARTS
     pictures.mkdir(parents=True, exist_ok=True)
     for old in pictures.glob("*.png"):

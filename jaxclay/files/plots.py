@@ -6,13 +6,11 @@ import os
 
 import numpy as np
 
-try:
+from jaxclay.numerics.checks import needing
+
+with needing("plot", "drawing"):
     import matplotlib.pyplot as plt
     from matplotlib.axes import Axes
-except ImportError as error:  # pragma: no cover
-    raise ImportError(
-        "jaxclay.files.plots needs Matplotlib: pip install 'jaxclay[plot]'", name=error.name
-    ) from error
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import polyline

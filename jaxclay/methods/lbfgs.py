@@ -20,12 +20,38 @@ from jaxclay.methods.coordinates import (
     preconditioned_splines,
 )
 from jaxclay.methods.smoothed import PLAIN_EPS, SCALED_EPS, Descent, method
+from jaxclay.numerics.checks import Missing
 
 _MEMORY = 10
 
 
 def import_jaxopt() -> Any:
-    """The module jaxopt, without its notice on import."""
+    """The module jaxopt, without its notice on import.
+
+    Raises
+    ------
+    Missing
+        It is not installed, or not for the JAX that is: nobody maintains it any more.
+    """
+    try:
+        return _quietly_imported()
+    except Exception as error:
+        raise Missing(
+            f"this method is jaxopt's, which does not import ({error}): pip install jaxopt, or "
+            "take another method, such as newton or optax-lbfgs",
+            name="jaxopt",
+        ) from error
+
+
+def has_jaxopt() -> bool:
+    """Whether :func:`import_jaxopt` succeeds."""
+    try:
+        return import_jaxopt() is not None
+    except Missing:
+        return False
+
+
+def _quietly_imported() -> Any:
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", message="JAXopt is no longer maintained", category=DeprecationWarning

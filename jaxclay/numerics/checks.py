@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import numpy as np
 
 from jaxclay.numerics.host import is_concrete
@@ -9,6 +12,30 @@ from jaxclay.numerics.host import is_concrete
 
 class Hindrance(RuntimeError):
     """What this package cannot do as things stand, by no fault of its own: the message says why."""
+
+
+class Missing(ImportError, Hindrance):
+    """A package that is needed is not installed or does not import: the message says what to do."""
+
+
+@contextlib.contextmanager
+def needing(extra: str, who: str) -> Iterator[None]:
+    """Name the extra to install where an import in the block fails.
+
+    Raises
+    ------
+    Missing
+        ``who`` needs a package of ``extra`` that is not there.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if isinstance(error, Missing) or (error.name or "jaxclay").startswith("jaxclay"):
+            raise
+        raise Missing(
+            f"{who} needs {error.name}: pip install '.[{extra}]' in a clone of jaxclay",
+            name=error.name,
+        ) from error
 
 
 REFUSALS = (ValueError, Hindrance)  # how wrong input is answered; other errors are faults

@@ -10,7 +10,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ import jax
 import jax.core
 import numpy as np
 from jax._src.core import trace_state_clean  # JAX has no public way to ask, but making an array
+from jax._src.xla_bridge import backends_are_initialized  # nor here
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -165,20 +167,69 @@ def in_float64(name: str, fun: Compiled, *args: Any, **static: Any) -> Any:
     ------
     TypeError
         Inside a transformation while JAX's 64-bit flag is off.
+    RuntimeError
+        In a process that was forked from one that had used JAX.
     """
     if is_transformed(*args):
         check_float64(name)
         return fun.traced(*args, **static)
-    let_go()
+    _check_threads()
     # What depends on nothing that is traced is a constant inside a transformation.
-    ambient = contextlib.nullcontext() if _outside() else jax.ensure_compile_time_eval()
-    with ambient, jax.enable_x64(True):
+    ambient = contextlib.nullcontext() if _outside() else _evaluating_inside()
+    with ambient, jax.enable_x64(True), whatever_is_watched():
         return jax.tree.map(np.asarray, fun.whole(*as_float64(args), **static))
+
+
+_inside: list[bool] = []  # calls from the host under way within a trace, which JAX does not tell
+
+
+@contextlib.contextmanager
+def _evaluating_inside() -> Iterator[None]:
+    _inside.append(True)
+    try:
+        with jax.ensure_compile_time_eval():
+            yield
+    finally:
+        _inside.pop()
+
+
+@contextlib.contextmanager
+def whatever_is_watched() -> Iterator[None]:
+    """Compiled, and with NaN told by a status, whatever the caller has JAX do to find mistakes.
+
+    Steps one by one take minutes for a squash, and shapes that depend on values do not run so.
+    """
+    with contextlib.ExitStack() as stack:
+        for name in ("disable_jit", "debug_nans", "debug_infs"):
+            if getattr(jax.config, f"jax_{name}"):
+                stack.enter_context(getattr(jax, name)(False))
+        yield
 
 
 def _outside() -> bool:
     """Whether nothing is being traced around this call, not even what it does not depend on."""
-    return trace_state_clean()
+    return trace_state_clean() and not _inside
+
+
+_without_threads: list[bool] = []
+
+
+def _after_fork() -> None:
+    if backends_are_initialized():
+        _without_threads.append(True)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def _check_threads() -> None:
+    """Raise where JAX would wait for ever for threads that a fork has not taken along."""
+    if _without_threads:
+        raise RuntimeError(
+            "this process was forked from one that had used JAX, which cannot go on here: start "
+            'processes by multiprocessing.get_context("spawn"), or fork before JAX is used'
+        )
 
 
 def check_float64(name: str) -> None:
@@ -198,6 +249,7 @@ recent_compilations: list[float] = []  # seconds of each since mappings were las
 def _count(event: str, duration_secs: float, **_: Any) -> None:
     if event == "/jax/core/compile/backend_compile_duration":
         recent_compilations.append(duration_secs)
+        let_go()
 
 
 jax.monitoring.register_event_duration_secs_listener(_count)
@@ -207,8 +259,9 @@ def let_go() -> None:
     """Let go of all that is compiled where the kernel's limit of mappings comes near.
 
     JAX keeps every executable, one takes hundreds of mappings, and XLA crashes without them.
-    For every call from the host.  Mappings are counted, which takes milliseconds, only after some
-    compilations, and never inside a trace, which needs what has been compiled.
+    For everything that the process compiles, the caller's own functions too.  Mappings are counted,
+    which takes milliseconds, only after some compilations, and never inside a trace, which needs
+    what has been compiled.
     """
     if len(recent_compilations) < LOOK_AFTER or not _outside():
         return

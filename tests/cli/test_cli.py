@@ -48,6 +48,7 @@ def test_deform_writes_a_contour_of_the_same_volume(tmp_path, capsys):
     assert frusta.sum() == pytest.approx(before, rel=1e-3)  # the tolerance
 
 
+@pytest.mark.core
 def test_deform_does_what_the_library_does(tmp_path):
     out, piece = tmp_path / "shape.csv", tmp_path / "shape.json"
     arguments = ["--squash", "0:0.1:0.2", "--mu", "0.5", "--slices", "64"]
@@ -304,6 +305,7 @@ FAULTS = [
     RecursionError("maximum recursion depth exceeded"),
     np.linalg.LinAlgError("Singular matrix"),
     TypeError("unsupported operand"),
+    ValueError("operands could not be broadcast together"),
 ]
 
 
@@ -320,6 +322,13 @@ def test_a_fault_inside_is_not_told_as_bad_input(tmp_path, capfd, monkeypatch, f
     assert str(fault) in error
     assert "error: " + str(fault) not in error.splitlines()[-1]
     assert not out.exists()
+
+
+def test_what_python_refuses_of_the_package_is_a_fault_too(tmp_path, capfd, monkeypatch):
+    """No frame of a library's tells it from a refusal: int raises in the package's own."""
+    monkeypatch.setattr("jaxclay.cli.deform.parse_squash", int)
+    assert main(["deform", "bowl", "--squash", "0:1:2", "--out", str(tmp_path / "a.csv")]) == 70
+    assert "invalid literal" in capfd.readouterr().err
 
 
 def test_what_the_package_itself_refuses_at_run_time_is_bad_input(tmp_path, capfd, monkeypatch):

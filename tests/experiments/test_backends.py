@@ -112,6 +112,11 @@ def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeyp
         engine.run(read_experiment(experiment), tmp_path, "dask", "tcp://127.0.0.1:1")
 
 
+def test_what_is_no_address_of_a_scheduler_is_named(experiment, tmp_path):
+    with pytest.raises(ValueError, match=r"--scheduler foo: missing port"):
+        engine.run(read_experiment(experiment), tmp_path, "dask", "foo")
+
+
 def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
     from distributed import LocalCluster
 

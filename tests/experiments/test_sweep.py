@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 
 import jax
 import numpy as np
@@ -42,6 +43,17 @@ def test_gaps_are_measured_from_another_methods_certified_minimum(whole, tmp_pat
     assert (greedy.gap_relative > 1e-6).any()
     coarse = greedy[greedy.method == "greedy"]
     assert coarse.contour_error.min() > 1e3 * newton.contour_error.max()
+
+
+def test_without_jaxopt_its_methods_are_skipped_and_others_run(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "jaxopt", None)
+    path = tmp_path / "both.toml"
+    text = TEXT.replace('"greedy"', '"lbfgs"').replace('"greedy-refined"', '"newton"')
+    path.write_text(text)
+    found = run(path, tmp_path / "out").set_index("method")
+    assert set(found.loc["lbfgs"].status) == {"skipped"}
+    assert found.loc["lbfgs"].reason.str.contains("pip install jaxopt").all()
+    assert set(found.loc["newton"].status) == {"converged"}
 
 
 def test_columns_are_documented_and_curves_are_the_answers_contours(whole, experiment):

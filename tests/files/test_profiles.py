@@ -136,6 +136,7 @@ def test_unknown_name_lists_the_known_ones(tmp_path):
         load_profile(tmp_path / "missing.csv")
 
 
+@pytest.mark.core
 def test_a_piece_is_a_profile_too(tmp_path):
     clay = jaxclay.deform(Clay.cylinder(), Squash(0.35, 0.6, 0.4), SNAKE, scheme="paper").clay
     path = tmp_path / "a.json"

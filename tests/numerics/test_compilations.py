@@ -47,6 +47,32 @@ print(most - start)
 """
 
 
+HELD = """
+import jax, jax.numpy as jnp
+from pathlib import Path
+import jaxclay
+from jaxclay.numerics import host
+
+def mappings():
+    return len(Path("/proc/self/maps").read_text().splitlines())
+
+start = mappings()
+host.MOST_MAPPINGS, held, most = start + 100, [], 0
+for i in range(80):
+    held.append(jax.jit(lambda x, i=i: jnp.sum(jnp.sin(x) ** i)))
+    held[-1](jnp.ones(i + 1))
+    most = max(most, mappings())
+assert float(held[0](jnp.ones(1))) == 1.0
+print(most - start)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="mappings are Linux's")
+def test_functions_of_many_shapes_that_a_program_keeps_do_not_fill_it():
+    (most,) = python(HELD)
+    assert 100 < int(most) < 450  # without letting go: 740
+
+
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="mappings are Linux's")
 def test_many_fresh_closures_do_not_fill_a_process():
     (most,) = python(CLOSURES)

@@ -22,6 +22,7 @@ def leaves_of(*trees):
     return [np.asarray(leaf) for leaf in jax.tree.leaves(trees)]
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("flag", [False, True])
 def test_host_calls_give_numpy_float64_whatever_the_flag(flag):
     with jax.enable_x64(flag):
@@ -125,6 +126,7 @@ def run_python(code, *options):
     )
 
 
+@pytest.mark.core
 def test_import_is_light():
     code = (
         "import sys, jaxclay\n"
@@ -137,6 +139,7 @@ def test_import_is_light():
     assert result.stdout.strip() == "[]"
 
 
+@pytest.mark.core
 def test_no_warning_escapes_and_no_filter_is_left_behind():
     code = (
         "import warnings\n"

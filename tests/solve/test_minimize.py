@@ -108,12 +108,14 @@ def test_newton_against_scipy(squash, material):
     np.testing.assert_allclose(solution.heights, heights, atol=1e-4)
 
 
+@pytest.mark.core
 def test_printed_reference_energies_of_the_model():
     # model.md, section 4: the minimum moves towards 2.55342 as n grows.
     solution = minimize(cylinder_problem(REFERENCE, PRINTED))
     assert solution.energy == pytest.approx(2.5366, abs=5e-5)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_on_the_reference_scene(method):
     problem = cylinder_problem(REFERENCE, SNAKE)

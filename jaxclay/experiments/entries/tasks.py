@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -149,8 +150,13 @@ def identity() -> dict[str, str]:
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Of installed packages."""
-    return {name: importlib.metadata.version(name) for name in packages}
+    """Of packages, "none" of one that is not installed."""
+    installed = {}
+    for name in packages:
+        installed[name] = "none"
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            installed[name] = importlib.metadata.version(name)
+    return installed
 
 
 @functools.cache

@@ -21,6 +21,7 @@ import numpy as np
 from jaxclay.experiments.peers import with_ipopt, with_optimistix, with_qp, with_scipy
 from jaxclay.experiments.peers.base import Limits, Peer, Task
 from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.checks import needing
 from jaxclay.numerics.host import as_float64
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import RoughShape, rough_shape
@@ -116,12 +117,8 @@ def checked(name: str) -> Peer:
     if name not in PEERS:
         raise ValueError(f"unknown peer {name!r}: choose from {', '.join(PEERS)}")
     for package in PEERS[name].packages:
-        try:
+        with needing("peers", f"the peer {name}"):
             importlib.import_module(package)
-        except ImportError as error:
-            raise ImportError(
-                f"the peer {name} needs {package}: pip install 'jaxclay[peers]'", name=package
-            ) from error
     return PEERS[name]
 
 

@@ -11,6 +11,7 @@ from jaxclay.experiments.entries.specification import Specification
 from jaxclay.experiments.entries.tasks import Discretisation
 from jaxclay.experiments.solving.batched import minimized
 from jaxclay.experiments.solving.clock import compiled
+from jaxclay.methods.lbfgs import has_jaxopt
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
 from jaxclay.numerics.checks import REFUSALS
@@ -55,7 +56,7 @@ def certified_minima(wanted: list[Posed], method: str) -> list[Solution | None]:
     other = reference_method(method)
     # A worker of dask may have several threads: what they share is read once.
     known = {one: _minima.get((other, *one)) for one in wanted}
-    new = [one for one, answer in known.items() if answer is None and _within(one[1], other)]
+    new = [one for one, answer in known.items() if answer is None and _within(one[1].slices, other)]
     for size in {one[1] for one in new}:
         same = [one for one in new if one[1] == size]
         answers = minimized([posed(*one) for one in same], other, [{}] * len(same))
@@ -72,7 +73,7 @@ def certified_minimum(
 ) -> Solution | None:
     """The reference method's answer to one problem; None if not certified."""
     other = reference_method(method)
-    if not _within(size, other):
+    if not _within(size.slices, other):
         return None
     return minimum_of(posed(specification, size), method)
 
@@ -81,14 +82,15 @@ def minimum_of(problem: Any, method: str) -> Solution | None:
     """The same for a problem that an answer came with."""
     other = reference_method(method)
     slices = getattr(problem, "slices", 0) if problem.scheme != "spline" else 0
-    if other == _OTHER and slices > _DENSE:
+    if not _within(slices, other):
         return None
     answer, _ = compiled((other, problem.scheme, slices), lambda: minimize(problem, other))
     return _accepted(answer)
 
 
-def _within(size: Discretisation, other: str) -> bool:
-    return other != _OTHER or size.slices <= _DENSE
+def _within(slices: int, other: str) -> bool:
+    """Whether there is such an answer: one of the two methods is dense, and jaxopt's."""
+    return other != _OTHER or (slices <= _DENSE and has_jaxopt())
 
 
 def _accepted(answer: Solution | None) -> Solution | None:

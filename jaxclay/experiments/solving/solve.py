@@ -31,7 +31,7 @@ from jaxclay.experiments.solving.references import (
 )
 from jaxclay.experiments.solving.rows import Row
 from jaxclay.experiments.solving.where import where
-from jaxclay.numerics.checks import REFUSALS
+from jaxclay.numerics.checks import REFUSALS, Missing
 from jaxclay.solve.batch import deform_batch
 from jaxclay.solve.minimize import deform
 from jaxclay.solve.solution import Solution
@@ -42,20 +42,26 @@ _EMPTY = np.zeros(0)
 
 def solve(batch: list[Task]) -> list[Row]:
     """A row for each task of one shape; what cannot be posed has the status "skipped"."""
-    first, size = batch[0], batch[0].discretisation
-    if first.kind == "timing" or size.scheme == "spline":
-        found = [_alone(task) for task in batch]
-    elif not size.placed:
-        found = _slices(batch)
-    elif first.method == "newton" and not any(task.settings for task in batch):
-        found = _placed(batch)
-    else:
-        found = [_alone(task) for task in batch]
+    try:
+        found = _rows(batch)
+    except Missing as error:
+        found = [skipped(str(error))] * len(batch)
     here, now = where(), datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return [
         inputs(task) | row | here | {"finished": now}
         for task, row in zip(batch, found, strict=True)
     ]
+
+
+def _rows(batch: list[Task]) -> list[Row]:
+    first, size = batch[0], batch[0].discretisation
+    if first.kind == "timing" or size.scheme == "spline":
+        return [_alone(task) for task in batch]
+    if not size.placed:
+        return _slices(batch)
+    if first.method == "newton" and not any(task.settings for task in batch):
+        return _placed(batch)
+    return [_alone(task) for task in batch]
 
 
 def _slices(batch: list[Task]) -> list[Row]:
