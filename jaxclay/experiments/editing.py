@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from jaxclay.experiments.entries.profiles import files_of
 from jaxclay.experiments.entries.reading import (
     Raw,
     as_toml,
     checked,
     experiment_path,
-    files_of,
     raw_experiment,
     read_experiment,
 )
@@ -141,7 +141,7 @@ def accuracy(scenes: int | None = None, seed: int = 0, quick: bool = False) -> E
 
 
 def _edited(name: str, raw: Raw) -> Edited:
-    return Edited(name, checked(raw, Path(name)), as_toml(raw))
+    return Edited(name, checked(raw, Path(name), as_toml(raw)), as_toml(raw))
 
 
 def _named(methods: list[str]) -> list[Raw]:

@@ -12,7 +12,12 @@ pytest.importorskip("matplotlib").use("Agg")
 
 from jaxclay.cli.main import main  # noqa: E402
 from jaxclay.experiments import load_curves, run  # noqa: E402
-from jaxclay.experiments.entries.reading import as_toml, checked, raw_experiment  # noqa: E402
+from jaxclay.experiments.entries.reading import (  # noqa: E402
+    as_toml,
+    checked,
+    raw_experiment,
+    read_experiment,
+)
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
 
 EVERYTHING = """\
@@ -192,8 +197,7 @@ def test_tables_written_out_are_read_as_the_same_experiment(name, tmp_path):
     path = tmp_path / "again.toml"
     path.write_text(as_toml(raw))
     found = [
-        {task.key for task in tasks(one)} for one in (checked(raw, path), checked(
-            raw_experiment(path), path
-        ))
-    ]  # fmt: skip
+        {task.key for task in tasks(one)}
+        for one in (checked(raw, path, as_toml(raw)), read_experiment(path))
+    ]
     assert found[0] == found[1]

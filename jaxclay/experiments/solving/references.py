@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import contour_error
+from jaxclay.experiments.entries.sizes import Discretisation
 from jaxclay.experiments.entries.specification import Specification
-from jaxclay.experiments.entries.tasks import Discretisation
 from jaxclay.experiments.solving.batched import minimized
 from jaxclay.experiments.solving.clock import compiled
 from jaxclay.model.material import Material
