@@ -68,9 +68,10 @@ def run(
 
     found = of_file(experiment, profiles)
     engine.check_backend(found.experiment, backend, scheduler)
-    if engine.work(found.experiment, Path(out), backend).missing:
+    every = engine.tasks_of(found.experiment, backend)
+    if engine.work(every, Path(out), backend).missing:
         keep_experiment(Path(out), found.name, found.text)
-    engine.run(found.experiment, Path(out), backend, scheduler)
+    engine.run(every, Path(out), backend, scheduler)
     return load(out)
 
 

@@ -54,7 +54,7 @@ tolerance = 1e-3
 
 [[discretisations]]
 scheme = "spline"
-elements = 8
+elements = 2
 """
 BANDS = {0.25: jaxclay.Squash(0.0, 0.25, 0.4), 0.45: jaxclay.Squash(0.0, 0.45, 0.4)}
 WAYS = {
@@ -62,7 +62,7 @@ WAYS = {
     "equal": {"spacing": "equal", "slices": 64},
     "placed": {"slices": 64},
     "tolerance": {"tolerance": 1e-3},
-    "spline": {"scheme": "spline", "elements": 8},
+    "spline": {"scheme": "spline", "elements": 2},
 }
 
 

@@ -20,10 +20,12 @@ scenes = [{ names = ["reference"] }]
 """
 
 
+pytestmark = pytest.mark.usefixtures("nothing_kept")
+
+
 @pytest.fixture
 def timed(tmp_path):
     def of(text):
-        jax.clear_caches()  # as in a process of its own
         path = tmp_path / "one.toml"
         path.write_text(HEAD + text)
         return run(path, tmp_path / "out")

@@ -16,6 +16,9 @@ SCHEMES = {"paper": "paper's sums", "equal": "equal slices", "placed": "placed s
            "spline": "splines"}  # fmt: skip
 
 
+DERIVED = ("way", "family", "problem", "series")  # columns that are added
+
+
 def prepared(table: pd.DataFrame) -> pd.DataFrame:
     """The rows with columns for their family, method and scheme, and for their problem."""
     way = np.where(table.scheme == "slices", table.spacing, table.scheme)

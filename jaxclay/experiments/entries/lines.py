@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from collections.abc import Iterable
 from typing import Any
 
 import tomlkit
@@ -20,7 +21,7 @@ class MistakeAt(ValueError):
         self.place = place
 
 
-def line_of(text: str, place: Place) -> int:
+def line_of(text: str, place: Iterable[Any]) -> int:
     """The line, from 1, of the deepest part of ``place`` that has one.
 
     ``place`` is a path such as ("scenes", 1, "squash", 0, "ratio"): names of keys, and numbers

@@ -11,10 +11,7 @@ from jaxclay.files.profiles import PROFILES, load_profile
 def files_of(folder: Path, minimum_radius: float | None = None) -> list[str]:
     """The profiles in a folder: CSV files, however their ending is written; hidden ones are none.
 
-    Raises
-    ------
-    ValueError
-        There is none, or one that is no profile.
+    Raises ValueError: There is none, or one that is no profile.
     """
     if not folder.is_dir():
         wrong = "is a file" if folder.exists() else "does not exist"
@@ -28,10 +25,7 @@ def files_of(folder: Path, minimum_radius: float | None = None) -> list[str]:
 def matches(entry: str, folder: Path, minimum_radius: float | None) -> list[str]:
     """The profiles that an entry of a file in ``folder`` names.
 
-    Raises
-    ------
-    ValueError
-        There is none, or one that is no profile.
+    Raises ValueError: There is none, or one that is no profile.
     """
     if entry in PROFILES:
         return [entry]

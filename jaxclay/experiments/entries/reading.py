@@ -38,12 +38,8 @@ def read_experiment(path: str | Path, profiles: str | Path | None = None) -> Exp
     profiles : str or path, optional
         A folder whose CSV files join the profiles of every table of scenes that has some.
 
-    Raises
-    ------
-    ValueError
-        What is wrong, in which line, and what is allowed.
-    OSError
-        The file cannot be read.
+    Raises ValueError: What is wrong, in which line, and what is allowed; OSError: The file cannot
+    be read.
     """
     path = experiment_path(path)
     text = experiment_text(path)

@@ -19,6 +19,7 @@ from jaxclay.experiments.scenes import packaged_scenes
 
 T = TypeVar("T")
 Some = Annotated[list[T], Field(min_length=1)]
+# Of alpha and beta: raw differences of 64 slices, as in eq. 21, or both 0.
 Units = Literal["snake", "printed", "move"]
 _ONE = Values((1.0,))
 _MOST = 1_000_000  # scenes of a table
@@ -78,37 +79,19 @@ class MaterialTable(Table):
 
 
 class ScenesTable(Table):
-    """Scenes: by ``names``, or pieces and squashes in all combinations, or ``draws`` of them.
+    """Scenes: by ``names``, or pieces and squashes in all combinations, or ``draws`` of them."""
 
-    Attributes
-    ----------
-    names : list of str
-        Of packaged scenes (:mod:`..scenes`); only ``units`` goes beside them.
-    profiles : list of str
-        Packaged profiles, or CSV files by glob, from the experiment file's folder.
-    cylinders : table
-    minimum_radius : float
-        Radii of profiles below it are raised to it, in their length unit.
-    squash : table, or list of tables
-        One, or a succession, of which the last is solved.
-    places : list of str
-        Instead of a squash, one to 0.85 of a profile's radius at its "middle", its "shoulder".
-    material : table
-    units : list of str
-        Of alpha and beta: "snake" (raw differences of 64 slices), "printed" (eq. 21), or "move",
-        in which both are 0.
-    draws : int
-        How many scenes to draw at random; without it all combinations are taken.
-    """
-
-    names: Some[str] | None = None
+    names: Some[str] | None = None  # of packaged scenes; only ``units`` goes beside them
+    # Packaged profiles, or CSV files by glob, from the experiment file's folder.
     profiles: Some[str] | None = None
     cylinders: CylinderTable | None = None
+    # Radii of profiles below it are raised to it, in their length unit.
     minimum_radius: Annotated[float, Field(gt=0)] | None = None
-    squash: Some[SquashTable] | None = None
+    squash: Some[SquashTable] | None = None  # one, or a succession, of which the last is solved
+    # Instead of a squash, one to 0.85 of a profile's radius there.
     places: Some[Literal["middle", "shoulder"]] | None = None
     material: MaterialTable = MaterialTable()
-    units: Some[Units] = ["snake"]
+    units: Some[Units] = Field(default=["snake"])
     draws: Annotated[int, Field(ge=1, le=_MOST)] | None = None
 
     @model_validator(mode="before")

@@ -20,10 +20,7 @@ _MOST = 10_000  # combinations
 def checked_settings(method: str, settings: dict[str, Values]) -> dict[str, Values]:
     """The settings, ints where the method counts with them.
 
-    Raises
-    ------
-    MistakeAt
-        The setting that is wrong, or none where they are only together.
+    Raises MistakeAt: The setting that is wrong, or none where they are only together.
     """
     found = {}
     for name, values in settings.items():
@@ -53,10 +50,7 @@ def combinations(settings: dict[str, Values]) -> list[dict[str, float]]:
 def all_settings(method: str, chosen: dict[str, Any], scheme: str = "paper") -> dict[str, Any]:
     """The settings of a method or a peer by name, its defaults filled in.
 
-    Raises
-    ------
-    ValueError
-        A setting that it does not have, or a value that it does not take.
+    Raises ValueError: A setting that it does not have, or a value that it does not take.
     """
     if method in PEERS:
         for name in chosen:

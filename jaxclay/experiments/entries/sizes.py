@@ -47,28 +47,15 @@ class Discretisation:
 
 
 class DiscretisationTable(Table):
-    """A scheme, and how fine: ``slices``, ``elements`` or a ``tolerance``.
-
-    Attributes
-    ----------
-    scheme : str
-    spacing : str
-        Of the scheme "slices": "placed", or "equal" on each side of the band.
-    slices : numbers
-        Of the schemes "paper" and "slices", 8 to 4096.
-    degree : numbers
-        Of splines, 3 to 5.
-    elements : numbers
-        Spans on each side of the band, for the scheme "spline", 1 to 1024.
-    tolerance : numbers
-        Of the contour over l, on as many placed slices as that needs.
-    """
+    """A scheme, and how fine: ``slices``, ``elements`` or a ``tolerance``."""
 
     scheme: Scheme
-    spacing: Literal["placed", "equal"] | None = None
+    spacing: Literal["placed", "equal"] | None = None  # "slices": "equal" on each side of the band
     slices: whole_numbers(8, 4096) | None = None  # type: ignore[valid-type]
-    degree: whole_numbers(3, 5) | None = None  # type: ignore[valid-type]
+    degree: whole_numbers(3, 5) | None = None  # type: ignore[valid-type]  # of splines
+    # Spans of splines on each side of the band.
     elements: whole_numbers(1, 1024) | None = None  # type: ignore[valid-type]
+    # Of the contour over l, on as many placed slices as that needs.
     tolerance: numbers(1e-9, 0.1) | None = None  # type: ignore[valid-type]
 
     @model_validator(mode="after")

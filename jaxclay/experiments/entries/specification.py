@@ -44,45 +44,22 @@ class Band:
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """A scene by its numbers.
+    """A scene by its numbers."""
 
-    Attributes
-    ----------
-    name : str
-        A packaged scene's, "cylinder" or a profile's.
-    number : int
-        Among the scenes of its table, 0 for packaged scenes; not part of what is solved.
-    source : str
-        "scene" for a packaged one, "cylinder", or a packaged profile or the path of a CSV file.
-    digest : str
-        Of a CSV file's bytes: the same name with another content is another scene.
-    radius, height : float
-        Of a cylinder.
-    minimum_radius : float
-        Of a profile; 0 where its radii are as they are.
-    place : str
-        Of the squash of a profile, "middle" or "shoulder", "" where bands say it.
-    bands : tuple of Band
-        A succession; what is solved is the last.
-    k, mu, alpha, beta : float
-    units : str
-        Of alpha and beta, "snake", "printed" or "move".
-    """
-
-    name: str
-    number: int
-    source: str
-    digest: str
-    radius: float
+    name: str  # a packaged scene's, "cylinder" or a profile's
+    number: int  # among the scenes of its table, 0 for packaged ones; not part of what is solved
+    source: str  # "scene" for a packaged one, "cylinder", a packaged profile or a CSV file's path
+    digest: str  # of a CSV file's bytes: the same name with another content is another scene
+    radius: float  # of a cylinder
     height: float
-    minimum_radius: float
-    place: str
-    bands: tuple[Band, ...]
+    minimum_radius: float  # of a profile; 0 where its radii are as they are
+    place: str  # of the squash of a profile, "middle" or "shoulder", "" where bands say it
+    bands: tuple[Band, ...]  # a succession; what is solved is the last
     k: float
     mu: float
     alpha: float
     beta: float
-    units: str
+    units: str  # of alpha and beta, "snake", "printed" or "move"
 
     @functools.cached_property
     def key(self) -> str:
@@ -95,10 +72,7 @@ class Specification:
     def scene(self) -> Scene:
         """The scene, its squashes in the piece's own length unit.
 
-        Raises
-        ------
-        OSError
-            A CSV file cannot be read, or is no longer what it was.
+        Raises OSError: A CSV file cannot be read, or is no longer what it was.
         """
         if self.source == "scene":
             return packaged_scenes()[self.name]

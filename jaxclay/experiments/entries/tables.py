@@ -67,48 +67,28 @@ class AgreeTable(Table):
 
 
 class Choices(Table):
-    """What the whole experiment and each of its parts may say.
-
-    Attributes
-    ----------
-    scenes, methods, discretisations : lists of tables
-    budget : float
-        Seconds that each solve has, if given: its iterations are as many as that takes.
-    precisions : list of str
-        What methods compute in, "float64", "float32" or both; answers are certified in float64.
-    continuum : int
-        Placed slices of the answers that contours are compared with as well; 0 for none.
-    first_answers : bool
-        Whether to time what the first answer of a process costs.
-    """
+    """What the whole experiment and each of its parts may say."""
 
     scenes: Some[ScenesTable] | None = None
     methods: Some[MethodTable] | None = None
     discretisations: Some[DiscretisationTable] | None = None
+    # Seconds that each solve has: its iterations are as many as that takes.
     budget: Annotated[float, Field(gt=0, le=3600)] | None = None
+    # What methods compute in; answers are certified in float64.
     precisions: Some[Literal["float64", "float32"]] = Field(default=["float64"])
+    # Placed slices of the answers that contours are compared with as well; 0 for none.
     continuum: Annotated[int, Field(ge=0, le=4096)] | None = None
-    first_answers: bool = False
+    first_answers: bool = False  # whether to time what the first answer of a process costs
 
 
 class PartTable(Choices):
-    """A part of an experiment; what it does not say the experiment says for all.
+    """A part of an experiment; what it does not say the experiment says for all."""
 
-    Attributes
-    ----------
-    first : int
-        Only so many scenes of each table.
-    ladder : bool
-        Every contestant also over its ladder of steps or tolerances.
-    stops : numbers
-        Iterations after which fresh runs of every contestant are ended.
-    coarse_to_fine : bool
-        Whether what was out of time is not tried on more slices; newton always is.
-    """
-
-    first: Annotated[int, Field(ge=1)] | None = None
-    ladder: bool = False
+    first: Annotated[int, Field(ge=1)] | None = None  # only so many scenes of each table
+    ladder: bool = False  # every contestant also over its ladder of steps or tolerances
+    # Iterations after which fresh runs of every contestant are ended.
     stops: whole_numbers(1, 1_000_000) | None = None  # type: ignore[valid-type]
+    # Whether what was out of time is not tried on more slices; newton always is.
     coarse_to_fine: bool = False
 
     def within(self, whole: Choices) -> PartTable:
@@ -119,33 +99,15 @@ class PartTable(Choices):
 
 
 class Experiment(Choices):
-    """What to run.
+    """What to run."""
 
-    Attributes
-    ----------
-    kind : str
-        "timing", alone on one core and repeated, or "throughput", many at once.
-    seed : int
-        Of everything that is drawn.
-    repeats : int
-        Timed runs of each task, for "timing"; more of short ones.
-    call : str
-        What is timed: "minimize", of a problem that is posed, or the whole "deform".
-    parts : list of tables
-        Several experiments in one; without it there is one part, the experiment itself.
-    slices, elements, tolerances : numbers
-        A shorter way to name discretisations, for the schemes of each method: slices of "paper"
-        and of "slices" (equal on each side of the band), spans of "spline", and tolerances for
-        newton on "slices".
-    agree : table
-        For ``jaxclay agree``.
-    """
-
-    kind: Literal["throughput", "timing"]
-    seed: Annotated[int, Field(ge=0)] = 0
-    repeats: Annotated[int, Field(ge=1, le=1000)] = 5
-    call: Literal["minimize", "deform"] = "minimize"
-    parts: Some[PartTable] | None = None
+    kind: Literal["throughput", "timing"]  # many at once, or alone on one core and repeated
+    seed: Annotated[int, Field(ge=0)] = 0  # of everything that is drawn
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 5  # of "timing"; more of short ones
+    call: Literal["minimize", "deform"] = "minimize"  # timed: of a posed problem, or the whole
+    parts: Some[PartTable] | None = None  # without it there is one, the experiment itself
+    # A shorter way to name discretisations, for the schemes of each method: slices of "paper" and
+    # of "slices" (equal ones), spans of "spline", and tolerances for newton on "slices".
     slices: whole_numbers(8, 4096) = Values((64,))  # type: ignore[valid-type]
     elements: whole_numbers(1, 1024) = _NONE  # type: ignore[valid-type]
     tolerances: numbers(1e-9, 0.1) = _NONE  # type: ignore[valid-type]

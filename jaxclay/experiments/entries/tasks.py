@@ -29,51 +29,22 @@ Settings = tuple[tuple[str, float], ...]
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """One solve.
-
-    Attributes
-    ----------
-    specification : Specification
-    kind : str
-        "throughput", or "timing": solved alone, repeatedly.
-    discretisation : Discretisation
-    method : str
-        A method or a peer.
-    settings : tuple of (name, value)
-        The method's, where they are not its defaults.
-    stops : tuple of int
-        Iterations after which runs are ended, for the trace of the energy.
-    repeats : int
-        Timed runs.
-    call : str
-        What is timed, "minimize" or "deform".
-    precision : str
-    budget : float
-        Seconds; 0 for as many as it takes.
-    first : bool
-        Whether the first answer of a process is timed too.
-    continuum : int
-        Placed slices of the answer that contours are compared with as well; 0 for none.
-    threads : int
-        Of XLA, in the process that solves.
-    after : str
-        Key of the same task on fewer slices: what was out of time there is not tried.
-    """
+    """One solve."""
 
     specification: Specification
-    kind: str
+    kind: str  # "throughput", or "timing": solved alone, repeatedly
     discretisation: Discretisation
-    method: str
-    settings: Settings
-    stops: tuple[int, ...] = ()
-    repeats: int = 1
-    call: str = "minimize"
+    method: str  # a method or a peer
+    settings: Settings  # the method's, where they are not its defaults
+    stops: tuple[int, ...] = ()  # iterations after which runs are ended, for the energy's trace
+    repeats: int = 1  # timed runs
+    call: str = "minimize"  # what is timed, or "deform"
     precision: str = "float64"
-    budget: float = 0.0
-    first: bool = False
-    continuum: int = 0
-    threads: int = 1
-    after: str = ""
+    budget: float = 0.0  # seconds; 0 for as many as it takes
+    first: bool = False  # whether the first answer of a process is timed too
+    continuum: int = 0  # placed slices of what contours are compared with as well; 0 for none
+    threads: int = 1  # of XLA, in the process that solves
+    after: str = ""  # key of the same on fewer slices: what was out of time there is not tried
 
     @property
     def shape(self) -> tuple:
@@ -200,11 +171,3 @@ def _settings(method: MethodTable, size: Discretisation, ladder: bool) -> list[S
         every = [every[0] | {rungs.setting: rung} for rung in rungs.ladder]
     kept = ({name: v for name, v in one.items() if v != defaults[name]} for one in every)
     return list(dict.fromkeys(tuple(sorted(one.items())) for one in kept))
-
-
-def batches(todo: list[Task], sizes: dict[Any, int]) -> Iterator[list[Task]]:
-    """The tasks in lists of one shape, each no longer than ``sizes`` allows its shape."""
-    for shape, group in itertools.groupby(todo, key=lambda task: task.shape):
-        same = list(group)
-        for begin in range(0, len(same), sizes[shape]):
-            yield same[begin : begin + sizes[shape]]

@@ -107,10 +107,8 @@ def timed(program: Hashable, call: Callable[[], Any], repeats: int) -> tuple[Any
     more = int(np.clip(_ENOUGH / max(seconds, 1e-9), repeats, max(repeats, _MOST_REPEATS)))
     count = more if seconds < _LONG else 2 if seconds < _VERY_LONG else 1
     taken = [seconds, *(compiled(program, call)[1] for _ in range(count - 1))]
-    return answer, Times(
-        float(np.median(taken)), min(taken), max(taken), compile_s(program), repeats=len(taken),
-        batch=1,
-    )  # fmt: skip
+    middle, compiling = float(np.median(taken)), compile_s(program)
+    return answer, Times(middle, min(taken), max(taken), compiling, repeats=count, batch=1)
 
 
 def compile_s(program: Hashable) -> float:

@@ -9,6 +9,7 @@ from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import contour_error
 from jaxclay.experiments.entries.sizes import Discretisation
 from jaxclay.experiments.entries.specification import Specification
+from jaxclay.experiments.entries.tasks import Task
 from jaxclay.experiments.solving.batched import minimized
 from jaxclay.experiments.solving.clock import compiled
 from jaxclay.model.material import Material
@@ -33,76 +34,59 @@ def reference_method(method: str) -> str:
 def posed(specification: Specification, size: Discretisation) -> Any:
     """The last squash, posed on a scheme whose slices or spans are known beforehand.
 
-    Raises
-    ------
-    ValueError, Hindrance
-        Why the scene cannot be posed, or an earlier squash not be solved, on this grid.
+    Raises ValueError, Hindrance: Why the scene cannot be posed, or an earlier squash not be
+    solved, on this grid.
     """
     if size.scheme == "spline":
-        clay, squash, material = last(specification, _FINE)
         how: dict[str, Any] = {"degree": size.degree, "elements": size.elements}
-        return pose(clay, squash, material, "spline", **how)
+        return pose(*whole(specification), "spline", **how)
     scene = specification.scene()
     return scene.problems(specification.units, size.slices, size.scheme)[-1]
 
 
-Posed = tuple[Specification, Discretisation]
-_minima: dict[tuple, Solution] = {}
-
-
-def certified_minima(wanted: list[Posed], method: str) -> list[Solution | None]:
+def certified_minima(problems: list[Any], method: str) -> list[Solution | None]:
     """The reference method's answers on slices, many at once; None if not certified."""
     other = reference_method(method)
-    # A worker of dask may have several threads: what they share is read once.
-    known = {one: _minima.get((other, *one)) for one in wanted}
-    new = [one for one, answer in known.items() if answer is None and _within(one[1], other)]
-    for size in {one[1] for one in new}:
-        same = [one for one in new if one[1] == size]
-        answers = minimized([posed(*one) for one in same], other, [{}] * len(same))
-        known.update(zip(same, answers, strict=True))
-    if len(_minima) > _KEPT:
-        _minima.clear()
-    _minima.update({(other, *one): answer for one, answer in known.items() if answer})
-    return [_accepted(known[one]) for one in wanted]
+    if not problems or _too_many(problems[0], other):
+        return [None] * len(problems)
+    return [_accepted(one) for one in minimized(problems, other, [{}] * len(problems))]
+
+
+def certified_minimum(task: Task, problem: Any) -> Solution | None:
+    """The same for the problem of one task, by the program that users run."""
+    other, size = reference_method(task.method), task.discretisation
+    if size.placed or task.call == "deform":  # whose problem is the answer's own
+        return _minimum(problem, other)
+    return _kept_minimum(task.specification, size, other)
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def certified_minimum(
-    specification: Specification, size: Discretisation, method: str
-) -> Solution | None:
-    """The reference method's answer to one problem; None if not certified."""
-    other = reference_method(method)
-    if not _within(size, other):
-        return None
-    return minimum_of(posed(specification, size), method)
+def _kept_minimum(scene: Specification, size: Discretisation, other: str) -> Solution | None:
+    return _minimum(posed(scene, size), other)
 
 
-def minimum_of(problem: Any, method: str) -> Solution | None:
-    """The same for a problem that an answer came with."""
-    other = reference_method(method)
-    slices = getattr(problem, "slices", 0) if problem.scheme != "spline" else 0
-    if other == _OTHER and slices > _DENSE:
+def _minimum(problem: Any, other: str) -> Solution | None:
+    if _too_many(problem, other):
         return None
+    slices = 0 if problem.scheme == "spline" else problem.slices
     answer, _ = compiled((other, problem.scheme, slices), lambda: minimize(problem, other))
     return _accepted(answer)
 
 
-def _within(size: Discretisation, other: str) -> bool:
-    return other != _OTHER or size.slices <= _DENSE
+def _too_many(problem: Any, other: str) -> bool:
+    return other == _OTHER and problem.scheme != "spline" and problem.slices > _DENSE
 
 
-def _accepted(answer: Solution | None) -> Solution | None:
-    return answer if answer is not None and bool(answer.certificate.accepted) else None
+def _accepted(answer: Solution) -> Solution | None:
+    return answer if bool(answer.certificate.accepted) else None
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def last(specification: Specification, slices: int) -> tuple[Clay, Squash, Material]:
+def whole(specification: Specification, slices: int = _FINE) -> tuple[Clay, Squash, Material]:
     """The last squash and the clay before it, earlier ones solved on so many placed slices.
 
-    Raises
-    ------
-    ValueError, Hindrance
-        Why an earlier squash could not be solved; a squash above the clay.
+    Raises ValueError, Hindrance: Why an earlier squash could not be solved; a squash above the
+    clay.
     """
     scene = specification.scene()
     clay, material = scene.clay(slices), scene.material(specification.units)
@@ -110,11 +94,6 @@ def last(specification: Specification, slices: int) -> tuple[Clay, Squash, Mater
         clay = deform(clay, squash, material).raise_for_status().clay
     check_fits(scene.squashes[-1], clay)
     return clay, scene.squashes[-1], material
-
-
-def whole(specification: Specification) -> tuple[Clay, Squash, Material]:
-    """The last squash and fine clay before it; raises as :func:`last`."""
-    return last(specification, _FINE)
 
 
 class Continuum(NamedTuple):
@@ -131,7 +110,7 @@ def continuum(specification: Specification, slices: int) -> Continuum | None:
     Of second order: its error is about a third of the way from the answer on half as many.
     """
     try:
-        piece = last(specification, slices)
+        piece = whole(specification, slices)
         half, full = (deform(*piece, slices=n) for n in (slices // 2, slices))
     except REFUSALS:
         return None
