@@ -76,24 +76,10 @@ def run(
 
 
 def load(folder: str | Path) -> pandas.DataFrame:
-    """The results of a folder that ``jaxclay sweep`` filled (extra ``sweep``).
+    """The results of a folder, what was ``--out``, each task once (extra ``sweep``).
 
-    Parameters
-    ----------
-    folder : str or path
-        What was given as ``--out``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each task that is done, each once.  ``frame.attrs["units"]`` says of every
-        column what it is and in which unit; so does
-        :data:`jaxclay.experiments.columns.COLUMNS`.
-
-    Raises
-    ------
-    ValueError
-        There are no results in the folder.
+    ``frame.attrs["units"]`` says of every column what it is and in which unit; so does
+    :data:`jaxclay.experiments.columns.COLUMNS`.  Raises ValueError where there are none.
     """
     from jaxclay.experiments.results import table
 
@@ -101,21 +87,12 @@ def load(folder: str | Path) -> pandas.DataFrame:
 
 
 def load_curves(folder: str | Path) -> xarray.Dataset:
-    """Contours and traces of the same results.
+    """Contours and traces of the same results; raises as :func:`load`.
 
-    Returns
-    -------
-    xarray.Dataset
-        ``contour_height`` and ``contour_radius`` (task, point), in the clay's length unit from
-        bottom to top, and of timing runs the same ``before`` the squash and at the ``start``;
-        ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy`` (task, stop) of methods
-        with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and methods are coordinates
-        of the dimension task.
-
-    Raises
-    ------
-    ValueError
-        There are no results in the folder.
+    ``contour_height`` and ``contour_radius`` (task, point) are in the clay's length unit from
+    bottom to top, and of timing runs the same ``before`` the squash and at the ``start``;
+    ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy`` (task, stop) are of methods
+    with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and methods are coordinates.
     """
     from jaxclay.experiments.results import curves
 

@@ -27,10 +27,12 @@ def prepared(table: pd.DataFrame) -> pd.DataFrame:
     family += np.where(table.precision == "float64", "", ", " + table.precision)
     size = table.slices.astype(str) + "-" + table.elements.astype(str)
     size += "-" + table.tolerance.astype(str) + "-" + table.degree.astype(str)
-    return table.assign(
+    found = table.assign(
         way=way, family=family, problem=table.specification + "-" + size + "-" + way,
         series=family,
     )  # fmt: skip
+    found.attrs = {}  # or pandas copies them at every step
+    return found
 
 
 def told_apart(rows: pd.DataFrame) -> pd.DataFrame:

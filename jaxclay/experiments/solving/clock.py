@@ -14,8 +14,8 @@ import jax
 import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 
-_LONG = 0.1  # seconds: a run longer than that is made twice only
-_VERY_LONG = 0.3  # seconds: and longer than that, once
+_LONG = 0.05  # seconds: a run longer than that is made twice only
+_VERY_LONG = 0.15  # seconds: and longer than that, once
 _ENOUGH = 0.02  # seconds of repeats that short runs get
 _MOST_REPEATS = 25
 _MOST_COMPILING = 5  # calls in which JAX may compile before one is taken as it is

@@ -68,7 +68,7 @@ def _together(batch: list[Task]) -> list[Row]:
     seconds = (time.perf_counter() - begin) / max(len(scenes), 1)
     times = Times(solve_s=seconds, repeats=1, batch=len(scenes))
     minima = (
-        [certified_minimum(batch[0], answer.problem) for answer in answers]
+        [certified_minimum(batch[0], answer) for answer in answers]
         if size.placed
         else certified_minima([*scenes.values()], method)
     )
@@ -81,7 +81,7 @@ def _alone(task: Task) -> Row:
     """A task by itself: timed, or in throughput once."""
     try:
         answer, times, late = _within_budget(task) if task.budget else _timed(task)
-        minimum = certified_minimum(task, answer.problem)
+        minimum = certified_minimum(task, answer)
     except REFUSALS as error:
         return skipped(str(error))
     row = certified(task, answer, minimum, times)
