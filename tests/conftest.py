@@ -6,9 +6,11 @@ from pathlib import Path
 os.environ.setdefault("NPROC", "1")
 # What one test has compiled, the next one, its processes and the next run need not; workers apart,
 # since JAX's files are not written in one go.
-_KEPT = Path(__file__).parents[1] / ".pytest_cache" / "compilations"
-_WORKER = os.environ.get("PYTEST_XDIST_WORKER", "alone")
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_KEPT / _WORKER))
+os.environ.setdefault(
+    "JAX_COMPILATION_CACHE_DIR",
+    f"{Path(__file__).parents[1]}/.pytest_cache/compilations/"
+    + os.environ.get("PYTEST_XDIST_WORKER", "alone"),
+)
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 

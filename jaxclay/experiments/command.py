@@ -1,4 +1,4 @@
-"""What ``jaxclay sweep``, ``compare``, ``atlas``, ``report`` and ``agree`` do with their options.
+"""What ``jaxclay sweep``, ``compare``, ``atlas`` and ``report`` do with their options.
 
 Each returns the exit status: 0, 1 if results are missing at the end, or 130 if interrupted.
 """
@@ -158,10 +158,3 @@ def report(options: Namespace, interrupt: Interrupt) -> int:
     written = write(options.folder, target)
     print(f"wrote {len(written)} files to {target}, among them report.html")
     return 0
-
-
-def agree(options: Namespace, interrupt: Interrupt) -> int:
-    """Compare greedy with gradient: see :mod:`jaxclay.experiments.agree`."""
-    from jaxclay.experiments import agree as verdicts  # which runs what is missing by this module
-
-    return verdicts.agree(options, interrupt)

@@ -96,6 +96,10 @@ def add_to(commands, interrupt: Interrupt) -> None:
 
 
 def _run(name: str, options: argparse.Namespace, interrupt: Interrupt) -> int:
-    from jaxclay.experiments import command  # late: it says which extra is missing
+    from jaxclay.experiments import command  # first: it says which extra is missing
 
+    if name == "agree":
+        from jaxclay.experiments.agree import agree
+
+        return agree(options, interrupt)
     return getattr(command, name)(options, interrupt)

@@ -76,11 +76,10 @@ def mark_maps(rows: pd.DataFrame) -> Iterator[Chart]:
 
 def _is_product(part: pd.DataFrame, x: str, y: str) -> bool:
     """Whether nearly all combinations of several values are there."""
-    counts = part[x].nunique(), part[y].nunique()
-    if min(counts) < 2:
+    xs, ys = len(set(part[x])), len(set(part[y]))
+    if min(xs, ys) < 2:
         return False
-    there = part.groupby([x, y]).ngroups
-    return bool(there >= max(_FEWEST, 0.9 * counts[0] * counts[1]))
+    return part.groupby([x, y]).ngroups >= max(_FEWEST, 0.9 * xs * ys)
 
 
 def _map(part: pd.DataFrame, x: str, y: str) -> Chart:
