@@ -31,18 +31,29 @@ def reference_method(method: str) -> str:
     return _OTHER if method == "newton" else "newton"
 
 
-@functools.lru_cache(maxsize=_KEPT)
 def posed(specification: Specification, size: Discretisation) -> Any:
     """The last squash, posed on a scheme whose slices or spans are known beforehand.
 
-    Raises ValueError, Hindrance: Why the scene cannot be posed, or an earlier squash not be
+    Raises ValueError or Hindrance: why the scene cannot be posed, or an earlier squash not be
     solved, on this grid.
     """
-    if size.scheme == "spline":
-        how: dict[str, Any] = {"degree": size.degree, "elements": size.elements}
-        return pose(*whole(specification), "spline", **how)
-    scene = specification.scene()
-    return scene.problems(specification.units, size.slices, size.scheme)[-1]
+    problem = _posed(specification, size)
+    if isinstance(problem, Exception):
+        raise problem
+    return problem
+
+
+@functools.lru_cache(maxsize=_KEPT)
+def _posed(specification: Specification, size: Discretisation) -> Any:
+    """The problem, or why there is none: either is found once for all methods."""
+    try:
+        if size.scheme == "spline":
+            how: dict[str, Any] = {"degree": size.degree, "elements": size.elements}
+            return pose(*whole(specification), "spline", **how)
+        scene = specification.scene()
+        return scene.problems(specification.units, size.slices, size.scheme)[-1]
+    except REFUSALS as error:
+        return error
 
 
 def certified_minima(problems: list[Any], method: str) -> list[Solution | None]:
