@@ -14,8 +14,6 @@ from jaxclay.files.plots import COLOURS
 _MOST = 3  # settings of a method that get a line each; of a longer ladder one is taken
 SCHEMES = {"paper": "paper's sums", "equal": "equal slices", "placed": "placed slices",
            "spline": "splines"}  # fmt: skip
-
-
 DERIVED = ("way", "family", "problem", "series")  # columns that are added
 
 

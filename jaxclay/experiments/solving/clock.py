@@ -40,38 +40,37 @@ class Times(NamedTuple):
     trace_energy: np.ndarray = _NONE
 
 
-_compilations = [0]  # of this process
+_spent = [0.0]  # seconds that JAX says it has compiled for in this process
 _compiling: dict[Hashable, float] = {}  # seconds by program
 
 
-def _count(event: str, duration_secs: float, **_: Any) -> None:
-    _compilations[0] += event == "/jax/core/compile/backend_compile_duration"
+def _add(event: str, duration_secs: float, **_: Any) -> None:
+    _spent[0] += duration_secs if event.startswith("/jax/core/compile/") else 0.0
 
 
-jax.monitoring.register_event_duration_secs_listener(_count)
+jax.monitoring.register_event_duration_secs_listener(_add)
 
 
-def clocked(call: Callable[[], Any]) -> tuple[Any, float, bool]:
-    """What a call returns, its seconds, and whether JAX compiled."""
-    before, begin = _compilations[0], time.perf_counter()
+def clocked(call: Callable[[], Any]) -> tuple[Any, float, float]:
+    """What a call returns, its seconds, and those of them that JAX compiled for."""
+    before, begin = _spent[0], time.perf_counter()
     answer = jax.block_until_ready(call())
-    seconds = time.perf_counter() - begin
-    return answer, seconds, _compilations[0] > before
+    return answer, time.perf_counter() - begin, _spent[0] - before
 
 
 def compiled(program: Hashable, call: Callable[[], Any]) -> tuple[Any, float]:
     """The answer and seconds of a call in which JAX compiled nothing.
 
-    Seconds that earlier ones took longer are noted as the ``program``'s compiling.
+    What earlier ones compiled is noted as the ``program``'s compiling.
     """
-    longest = 0.0
+    whole = 0.0
     for _ in range(_MOST_COMPILING):
-        answer, seconds, compiles = clocked(call)
-        if not compiles:
+        answer, seconds, compiling = clocked(call)
+        if not compiling:
             break
-        longest = max(longest, seconds)
-    if longest:
-        _compiling[program] = max(_compiling.get(program, 0.0), longest - seconds)
+        whole += compiling
+    if whole:
+        _compiling[program] = max(_compiling.get(program, 0.0), whole)
     return answer, seconds
 
 
@@ -81,10 +80,9 @@ def first_answer(program: Hashable, call: Callable[[], Any]) -> float:
     jax.clear_caches()
     try:
         _keep(False)
-        _, seconds, _ = clocked(call)
+        _, seconds, _compiling[program] = clocked(call)
     finally:
         _keep(kept)
-    _compiling[program] = seconds - clocked(call)[1]
     return seconds
 
 
