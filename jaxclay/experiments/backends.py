@@ -76,7 +76,7 @@ def local_cluster() -> Iterator[Any]:
     local: Any = LocalCluster  # its annotations leave out what it documents
     # Set before workers start: the variables are read when they import JAX.
     with environment(one_thread()), local(
-        n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=None,
+        n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=":0",
         silence_logs=50, preload=["jaxclay.experiments.dask_worker"],
     ) as cluster:  # fmt: skip
         yield cluster
