@@ -117,6 +117,8 @@ def _shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
     own = default_rows(rows)
     own = select(own, (own.scheme == "paper") & own.method.isin(["newton", "greedy"]))
     own = select(own, (own.squashes <= 1) & (own.budget == 0))
+    both: Any = own.groupby(["units", "scene", "slices"]).method.transform("nunique")
+    own = select(own, both == 2)
     where = {key: i for i, key in enumerate(curves.key.values)}
     looks: Any = (
         ("newton", "before", "before", {"color": COLOURS[7], "linestyle": ":"}),
@@ -137,7 +139,7 @@ def _shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
         ax.locator_params(axis="x", nbins=3)
 
     for units, part in groups(own, "units"):
-        if {"newton", "greedy"} <= set(part.method) and part.scene.nunique() <= _MOST_SHAPES:
+        if part.scene.nunique() <= _MOST_SHAPES:
             each = [(scene, _coarsest(same)) for scene, same in groups(part, "scene")]
             titled = [(f"{scene}\n{same.slices.iloc[0]} slices", same) for scene, same in each]
             yield (
@@ -149,10 +151,9 @@ def _shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
 
 
 def _coarsest(rows: pd.DataFrame) -> pd.DataFrame:
-    """On the fewest slices that both methods ran on, if they can be from 64 up."""
-    sizes = rows.groupby("slices").method.nunique()
-    both = sizes[sizes == sizes.max()].index
-    return select(rows, rows.slices == min([n for n in both if n >= 64] or both))
+    """On the fewest slices, if they can be from 64 up."""
+    sizes = set(rows.slices)
+    return select(rows, rows.slices == min([n for n in sizes if n >= 64] or sizes))
 
 
 def _with_rungs(rows: pd.DataFrame, error: str) -> pd.DataFrame:
