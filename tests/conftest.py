@@ -16,7 +16,7 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
 import pytest
 import shapes  # noqa: F401 (before the package)
-from sweeps import compiled_once, experiment, read, whole  # noqa: F401 (fixtures)
+from sweeps import experiment, read, whole  # noqa: F401 (fixtures)
 
 from jaxclay.numerics.host import let_go
 

@@ -32,16 +32,7 @@ COMMAND = (
 
 
 @pytest.fixture(scope="module")
-def compiled_once(tmp_path_factory):
-    """Compilations are kept, so that a run that goes on is quick."""
-    folder = tmp_path_factory.mktemp("compilations")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JAX_COMPILATION_CACHE_DIR", str(folder))
-        yield
-
-
-@pytest.fixture(scope="module")
-def experiment(tmp_path_factory, compiled_once):
+def experiment(tmp_path_factory):
     """The file."""
     path = tmp_path_factory.mktemp("experiment") / "small.toml"
     path.write_text(TEXT)

@@ -71,31 +71,18 @@ def run(
 
     found = of_file(experiment, profiles)
     engine.check_backend(found.experiment, backend, scheduler)
-    if engine.work(found.experiment, Path(out), backend).missing:
+    every = engine.tasks_of(found.experiment, backend)
+    if engine.work(every, Path(out), backend).missing:
         keep_experiment(Path(out), found.name, found.text)
-    engine.run(found.experiment, Path(out), backend, scheduler)
+    engine.run(every, Path(out), backend, scheduler)
     return load(out)
 
 
 def load(folder: str | Path) -> pandas.DataFrame:
-    """The results of a folder that ``jaxclay sweep`` filled (extra ``sweep``).
+    """The results of a folder, what was ``--out``, each task once (extra ``sweep``).
 
-    Parameters
-    ----------
-    folder : str or path
-        What was given as ``--out``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each task that is done, each once.  ``frame.attrs["units"]`` says of every
-        column what it is and in which unit; so does
-        :data:`jaxclay.experiments.columns.COLUMNS`.
-
-    Raises
-    ------
-    ValueError
-        There are no results in the folder.
+    ``frame.attrs["units"]`` says of every column what it is and in which unit; so does
+    :data:`jaxclay.experiments.columns.COLUMNS`.  Raises ValueError where there are none.
     """
     with needing("sweep", "jaxclay.experiments.load"):
         from jaxclay.experiments.results import table
@@ -104,21 +91,12 @@ def load(folder: str | Path) -> pandas.DataFrame:
 
 
 def load_curves(folder: str | Path) -> xarray.Dataset:
-    """Contours and traces of the same results.
+    """Contours and traces of the same results; raises as :func:`load`.
 
-    Returns
-    -------
-    xarray.Dataset
-        ``contour_height`` and ``contour_radius`` (task, point), in the clay's length unit from
-        bottom to top, and of timing runs the same ``before`` the squash and at the ``start``;
-        ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy`` (task, stop) of methods
-        with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and methods are coordinates
-        of the dimension task.
-
-    Raises
-    ------
-    ValueError
-        There are no results in the folder.
+    ``contour_height`` and ``contour_radius`` (task, point) are in the clay's length unit from
+    bottom to top, and of timing runs the same ``before`` the squash and at the ``start``;
+    ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy`` (task, stop) are of methods
+    with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and methods are coordinates.
     """
     with needing("sweep", "jaxclay.experiments.load_curves"):
         from jaxclay.experiments.results import curves

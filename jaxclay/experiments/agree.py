@@ -9,23 +9,22 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-import sys
-import tempfile
-from collections.abc import Callable
+from argparse import Namespace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from jaxclay.experiments.command import carry_out
 from jaxclay.experiments.editing import of_file
-from jaxclay.experiments.engine import run_tasks, threads_of
+from jaxclay.experiments.engine import tasks_of
+from jaxclay.experiments.entries.reading import raw_experiment
 from jaxclay.experiments.entries.tables import AgreeTable, Experiment
-from jaxclay.experiments.entries.tasks import Task, tasks
-from jaxclay.experiments.frames import number, records, select
-from jaxclay.experiments.progress import INTERRUPTED, plain_console, watched
+from jaxclay.experiments.entries.tasks import Task
+from jaxclay.experiments.frames import groups, records, select
+from jaxclay.experiments.progress import Interrupt, plain_console
 from jaxclay.experiments.results import table
-from jaxclay.experiments.store import keep_experiment
-from jaxclay.files.output import check_folder
 
 METHOD = "greedy-refined"
 _SCHEMES = {
@@ -34,25 +33,16 @@ _SCHEMES = {
     ("slices", "placed"): "second-order slices, placed where the contour bends",
 }
 _OWN_RULE = ("stalled", "converged")  # it stopped because no move gained, not at a limit
+_NO_PAIR = "no pair was compared: that is no agreement"
 
 
 @dataclasses.dataclass(frozen=True)
 class Agreement:
-    """What a comparison found.
+    """What a comparison found."""
 
-    Attributes
-    ----------
-    compared : DataFrame
-        The rows of ``greedy-refined`` that stopped by its own rule beside a certified minimum.
-    offenders : DataFrame
-        Those whose energy or contour is further from the minimum than allowed.
-    left_out : dict
-        Why other rows were not compared, and how many.
-    """
-
-    compared: pd.DataFrame
-    offenders: pd.DataFrame
-    left_out: dict[str, int]
+    compared: pd.DataFrame  # rows that stopped by greedy's rule beside a certified minimum
+    offenders: pd.DataFrame  # those further from the minimum than allowed
+    left_out: dict[str, int]  # why other rows were not compared, and how many
 
     @property
     def holds(self) -> bool:
@@ -60,69 +50,68 @@ class Agreement:
         return not self.compared.empty and self.offenders.empty
 
 
-def agree(
-    experiment: str | Path,
-    out: str | Path | None = None,
-    profiles: str | Path | None = None,
-    only: str | None = None,
-    interrupt: Callable[[], None] = lambda: None,
-) -> int:
-    """Compare over an experiment's scenes and say what was found.
-
-    ``only`` is the key of one task.  Results are kept in ``out``, if given, and not made twice.
+def agree(options: Namespace, interrupt: Interrupt) -> int:
+    """Compare over an experiment's scenes, or over the results of a folder, and say what is found.
 
     Returns 0 where all pairs agree, 1 where one does not or there is none, 130 if interrupted.
 
-    Raises
-    ------
-    ValueError
-        What is wrong in the file, in which line; no task of that key.
+    Raises ValueError: What is wrong in the file, in which line; no task of the key that is asked
+    for.
     """
-    edited = of_file(experiment, profiles)
-    limits = edited.experiment.agree
-    todo = [task for task in _greedy_only(edited.experiment) if only in (None, task.key)]
-    if only is not None and not todo:
-        raise ValueError(f"no task in snake units with the key {only!r} in {experiment}")
-    console = plain_console(soft_wrap=True, highlight=False)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary if out is None else out)
-        check_folder(folder)
-        keep_experiment(folder, edited.name, edited.text)
-        try:
-            with watched("agreement", len(todo), 0, interrupt) as callback:
-                run_tasks(todo, folder, callback=callback)
-        except KeyboardInterrupt:
-            kept = "" if out is None else f" what had ended is kept in {out}, and"
-            again = shlex.join(["jaxclay", *sys.argv[1:]])
-            console.print(
-                f"interrupted:{kept} nothing is said about agreement; again with\n  {again}"
-            )
-            return INTERRUPTED
-        rows = table(folder) if todo else pd.DataFrame(columns=["key"])
-    rows = select(rows, rows.key.isin([task.key for task in todo]))
+    experiment, only, profiles = options.experiment, options.only, options.profiles
+    command = ["jaxclay", "agree", experiment]
+    if Path(experiment).is_dir():
+        if options.out or profiles:
+            raise ValueError(f"{experiment} is a folder of results: leave --out and --profiles out")
+        rows, limits = table(experiment), _limits(Path(experiment))
+    else:
+        folder = options.out or Path("out") / Path(experiment).stem
+        command += ["--out", str(folder)] if options.out else []
+        command += ["--profiles", str(profiles)] if profiles else []
+        command += ["--strict"] if options.strict else []
+        edited = of_file(experiment, profiles)
+        limits = edited.experiment.agree
+        every = [task for task in _tasks(edited.experiment) if only in (None, task.key)]
+        code = carry_out(edited, every, folder, shlex.join(command), interrupt)
+        if code or not every:
+            return code or _nothing(only, experiment)
+        rows = table(folder)
+        rows = select(rows, rows.key.isin([task.key for task in every]))
+    rows = select(rows, (rows.method == METHOD) & (rows.units == "snake") & (rows.budget == 0))
+    rows = select(rows, (rows.scheme != "spline") & (rows.precision == "float64"))
+    rows = rows if only is None else select(rows, rows.key == only)
+    if rows.empty:
+        return _nothing(only, experiment)
     holds = True
-    sizes = (task.discretisation for task in todo)
-    for scheme, spacing in dict.fromkeys((d.scheme, d.spacing) for d in sizes) or (("paper", ""),):
-        mine = rows
-        if len(rows):
-            mine = select(rows, (rows.scheme == scheme) & (rows.spacing == spacing))
-        found = agreement(mine, limits) if len(mine) else _nothing()
-        console.print(f"{_SCHEMES[scheme, spacing]}:")
-        for line in _said(found, limits, experiment, profiles):
-            console.print(line)
+    for way, mine in groups(rows, ["scheme", "spacing"]):
+        found = agreement(mine, limits)
+        _say(f"{_SCHEMES[way]}:", *_said(found, limits, command))
         holds &= found.holds
     return 0 if holds else 1
 
 
-def _greedy_only(whole: Experiment) -> list[Task]:
+def _limits(folder: Path) -> AgreeTable:
+    """Those of the experiment that the folder is of, if it is of one."""
+    kept = list((folder / "experiments").glob("*.toml"))
+    return AgreeTable(**raw_experiment(kept[0]).get("agree", {}) if len(kept) == 1 else {})
+
+
+def _tasks(whole: Experiment) -> list[Task]:
     """The tasks of ``greedy-refined`` in snake units alone, untimed."""
-    plain = {"kind": "throughput", "stops": (), "repeats": 1, "call": "minimize", "budget": 0.0,
-             "first": False, "precision": "float64"}  # fmt: skip
-    found = [task for task in tasks(whole, threads_of("serial")) if task.method == METHOD]
+    plain: dict[str, Any] = {"kind": "throughput", "stops": (), "repeats": 1, "call": "minimize",
+                             "budget": 0.0, "first": False, "precision": "float64"}  # fmt: skip
+    found = [task for task in tasks_of(whole) if task.method == METHOD]
     if not found:
         raise ValueError(f'agreement is of greedy-refined: add [[methods]] name = "{METHOD}"')
     once = {t.key: t for t in (dataclasses.replace(task, **plain) for task in found)}
     return [task for task in once.values() if task.specification.units == "snake"]
+
+
+def _nothing(only: str | None, experiment: str) -> int:
+    if only is not None:
+        raise ValueError(f"no task in snake units with the key {only!r} in {experiment}")
+    _say(_NO_PAIR)
+    return 1
 
 
 def agreement(rows: pd.DataFrame, limits: AgreeTable) -> Agreement:
@@ -141,12 +130,7 @@ def agreement(rows: pd.DataFrame, limits: AgreeTable) -> Agreement:
     return Agreement(compared, select(compared, far), left_out)
 
 
-def _nothing() -> Agreement:
-    empty = pd.DataFrame(columns=["gap_relative", "contour_error"])
-    return Agreement(empty, empty, {})
-
-
-def _said(found: Agreement, limits: AgreeTable, experiment, profiles):
+def _said(found: Agreement, limits: AgreeTable, command: list[str]) -> Iterator[str]:
     """The verdict, line by line."""
     yield (
         f"{len(found.compared)} pairs compared: energy within {limits.energy:g} of E_free, contour "
@@ -155,21 +139,19 @@ def _said(found: Agreement, limits: AgreeTable, experiment, profiles):
     for reason, count in found.left_out.items():
         yield f"{count} left out: {reason}"
     if found.compared.empty:
-        yield "no pair was compared: that is no agreement"
+        yield _NO_PAIR
         return
-    yield (
-        f"largest energy gap {number(found.compared.gap_relative.abs().max(), '.1e', '')}, "
-        f"largest contour error {number(found.compared.contour_error.max(), '.1e', '')}"
-    )
+    gap, contour = found.compared.gap_relative.abs().max(), found.compared.contour_error.max()
+    yield f"largest energy gap {gap:.1e}, largest contour error {contour:.1e}"
     for row in records(found.offenders):
         yield (
             f"disagrees: {row.task}: energy gap {row.gap_relative:.1e}, contour error "
-            f"{row.contour_error:.1e}; again with\n  {_command(experiment, profiles, row.key)}"
+            f"{row.contour_error:.1e}; again with\n  {shlex.join([*command, '--only', row.key])}"
         )
     yield "all agree" if found.holds else f"{len(found.offenders)} disagree"
 
 
-def _command(experiment: Any, profiles: Any, key: str) -> str:
-    words = ["jaxclay", "agree", str(experiment)]
-    words += ["--profiles", str(profiles)] if profiles else []
-    return shlex.join([*words, "--only", key])
+def _say(*lines: str) -> None:
+    console = plain_console(soft_wrap=True, highlight=False)
+    for line in lines:
+        console.print(line)

@@ -10,44 +10,36 @@ import contextlib
 import itertools
 import os
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterator
 from typing import Any
 
 from jaxclay.experiments.entries.tasks import Task, identity
-from jaxclay.experiments.machine import cores, environment, one_thread
+from jaxclay.experiments.machine import environment, one_thread
 from jaxclay.experiments.solving.rows import Row
 from jaxclay.experiments.solving.solve import solve
-from jaxclay.experiments.solving.where import xla_threads
+from jaxclay.experiments.solving.where import cores, xla_threads
 from jaxclay.numerics.checks import Hindrance, needing
 from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
-Batches = Iterable[list[Task]]
 ANSWERS_WITHIN = 20.0  # seconds, a scheduler
 _AHEAD = 2  # batches that each worker has waiting
 
 
-def serial(batches: Batches) -> Iterator[list[Row]]:
-    """Solve the batches here, one after the other."""
-    for batch in batches:
-        yield solve_in_worker(batch, identity())
-
-
-def distributed(batches: Batches, scheduler: str | None = None) -> Iterator[list[Row]]:
-    """Solve the batches on a dask cluster: one here, of a worker a core, or a scheduler's own.
+def solved(
+    batches: Iterator[list[Task]], backend: str, scheduler: str | None = None
+) -> Generator[list[Row]]:
+    """Solve the batches here, or on a dask cluster: one here, or a scheduler's own.
 
     A worker that dies is replaced, and its batch solved again.
 
-    Raises
-    ------
-    ImportError
-        dask.distributed is missing.
-    OSError
-        Nobody answers at the scheduler's address.
-    RuntimeError
-        A worker computes by another code, on another kind of device or with more threads; a batch
-        has cost several workers their life.
+    Raises ImportError: dask.distributed is missing; OSError: Nobody answers at the scheduler's
+    address; RuntimeError: A worker computes by another code, on another kind of device or with
+    more threads; a batch has cost several workers their life.
     """
+    if backend == "serial":
+        yield from (solve_in_worker(batch, identity()) for batch in batches)
+        return
     with needing("sweep", "a backend of processes"):
         from distributed import Client, KilledWorker, as_completed
 
@@ -58,15 +50,14 @@ def distributed(batches: Batches, scheduler: str | None = None) -> Iterator[list
         except ValueError as error:  # such as of an address without a port
             raise ValueError(f"--scheduler {scheduler}: {error}") from None
         running = as_completed()
-        left = iter(batches)
 
-        def submit(batch):
-            # Others may use the same scheduler, and on other machines process numbers recur.
-            key = f"jaxclay-{uuid.uuid4()}"
-            running.add(client.submit(solve_in_worker, batch, identity(), key=key, pure=False))
+        def submit(count: int) -> None:
+            for batch in itertools.islice(batches, count):
+                # Others may use the same scheduler, and on other machines process numbers recur.
+                key = f"jaxclay-{uuid.uuid4()}"
+                running.add(client.submit(solve_in_worker, batch, identity(), key=key, pure=False))
 
-        for batch in itertools.islice(left, _AHEAD * max(len(client.nthreads()), cores())):
-            submit(batch)
+        submit(_AHEAD * max(len(client.nthreads()), cores()))
         for future in running:
             try:
                 yield future.result()
@@ -75,8 +66,7 @@ def distributed(batches: Batches, scheduler: str | None = None) -> Iterator[list
                     "a worker process died again and again: is there memory enough, and does a "
                     "script guard what it runs by if __name__ == '__main__'? What had ended is kept"
                 ) from None
-            for batch in itertools.islice(left, 1):
-                submit(batch)
+            submit(1)
 
 
 @contextlib.contextmanager
@@ -87,7 +77,7 @@ def local_cluster() -> Iterator[Any]:
     local: Any = LocalCluster  # its annotations leave out what it documents
     # Set before workers start: the variables are read when they import JAX.
     with environment(one_thread() | _quiet_after_ctrl_c()), local(
-        n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=None,
+        n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=":0",
         silence_logs=50, preload=["jaxclay.experiments.dask_worker"],
     ) as cluster:  # fmt: skip
         yield cluster
@@ -102,10 +92,7 @@ def _quiet_after_ctrl_c() -> dict[str, str]:
 def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:
     """Solve a batch, as what its tasks' keys say.
 
-    Raises
-    ------
-    RuntimeError
-        This process has other code, another kind of device or more threads.
+    Raises RuntimeError: This process has other code, another kind of device or more threads.
     """
     threads = {task.threads for task in batch} or {xla_threads()}
     if (here := identity()) != wanted or threads != {xla_threads()}:

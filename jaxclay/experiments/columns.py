@@ -6,6 +6,7 @@ import pyarrow as pa
 
 _TEXT, _REAL, _WHOLE, _FLAG = pa.string(), pa.float64(), pa.int64(), pa.bool_()
 _REALS = pa.list_(pa.float64())
+_VERSIONS = ("jaxclay", "jax", "jaxlib", "jaxopt", "optax", "numpy", "python")
 
 # name: type, what it is; l is the height of the piece when it first became clay.
 COLUMNS: dict[str, tuple[pa.DataType, str]] = {
@@ -20,8 +21,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "place": (_TEXT, 'of a squash of a profile, "middle" or "shoulder"; empty for others'),
     "radius": (_REAL, "of a cylinder, its own length unit; 0 for other pieces"),
     "height": (_REAL, "of a cylinder, its own length unit; 0 for other pieces"),
-    "k": (_REAL, "material constant, no unit"),
-    "mu": (_REAL, "material constant, no unit"),
+    **dict.fromkeys(("k", "mu"), (_REAL, "material constant, no unit")),
     "alpha": (_REAL, "material constant in the units named, no unit"),
     "beta": (_REAL, "material constant in the units named, no unit"),
     "squashes": (_WHOLE, "in the succession; 0 for packaged scenes"),
@@ -49,10 +49,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "energy_start": (_REAL, "E_total of the rough shape, no unit"),
     "energy_minimum": (_REAL, "E_total of the reference, no unit"),
     "energy_free": (_REAL, "E_free, the terms that touch what is free, no unit"),
-    "gap": (
-        _REAL,
-        "energy - energy_minimum, no unit; missing where none is certified",
-    ),
+    "gap": (_REAL, "energy - energy_minimum, no unit; missing where none is certified"),
     "gap_relative": (_REAL, "gap over energy_free"),
     "contour_error": (_REAL, "distance to the reference's contour, over l"),
     "contour_error_continuum": (
@@ -82,13 +79,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "repeats": (_WHOLE, "timed runs"),
     "batch": (_WHOLE, "tasks of the compiled call that this one was solved in"),
     "pinned": (_WHOLE, "the core that a timing run was held on; -1 if not held"),
-    "jaxclay": (_TEXT, "version"),
-    "jax": (_TEXT, "version"),
-    "jaxlib": (_TEXT, "version"),
-    "jaxopt": (_TEXT, "version"),
-    "optax": (_TEXT, "version"),
-    "numpy": (_TEXT, "version"),
-    "python": (_TEXT, "version"),
+    **dict.fromkeys(_VERSIONS, (_TEXT, "version")),
     "machine": (_TEXT, "system, architecture and cores"),
     "processor": (_TEXT, "its name"),
     "host": (_TEXT, "the machine's name"),
@@ -101,16 +92,18 @@ COLUMNS: dict[str, tuple[pa.DataType, str]] = {
     "finished": (_TEXT, "when, UTC, ISO 8601"),
 }  # fmt: skip
 
+# Those before the squash and of the rough shape, where methods start, are of timing runs.
+_SHAPES = {"contour": "of the answer", "before": "before the squash", "start": "at the start"}
 CURVES: dict[str, tuple[pa.DataType, str]] = {
-    "contour_height": (_REALS, "heights of the contour's points, the clay's length unit"),
-    "contour_radius": (_REALS, "radii of the contour's points, the clay's length unit"),
-    "before_height": (_REALS, "the same before the squash; of timing runs"),
-    "before_radius": (_REALS, "the same before the squash; of timing runs"),
-    "start_height": (_REALS, "of the rough shape, where methods start; of timing runs"),
-    "start_radius": (_REALS, "of the rough shape, where methods start; of timing runs"),
+    **{
+        f"{name}_{what}": (_REALS, f"{what} of each point of the contour {which}, in the length "
+                                   "unit of the clay")
+        for name, which in _SHAPES.items()
+        for what in ("height", "radius")
+    },
     "trace_iterations": (_REALS, "iterations after which runs were ended"),
     "trace_s": (_REALS, "seconds of those runs"),
     "trace_energy": (_REALS, "E_total where they ended, no unit"),
-}
+}  # fmt: skip
 
 SCHEMA = pa.schema([(name, kind) for name, (kind, _) in (COLUMNS | CURVES).items()])

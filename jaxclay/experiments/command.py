@@ -1,4 +1,7 @@
-"""What ``jaxclay sweep``, ``compare``, ``atlas``, ``report`` and ``agree`` do."""
+"""What ``jaxclay sweep``, ``compare``, ``atlas`` and ``report`` do with their options.
+
+Each returns the exit status: 0, 1 if results are missing at the end, or 130 if interrupted.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ import contextlib
 import shlex
 import sys
 import time
+from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from jaxclay.numerics.checks import needing
 
@@ -22,9 +26,9 @@ with needing("sweep", "an experiment"):
 from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
 from jaxclay.experiments.entries.tables import Experiment
+from jaxclay.experiments.entries.tasks import Task
 from jaxclay.files.output import check_folder
 from jaxclay.files.profiles import PROFILES, read_profile
-from jaxclay.files.several import refusing
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,77 +38,72 @@ _MISSING = 1
 _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
 
 
-def sweep(
-    experiment: str | Path,
-    out: str | Path | None = None,
-    *,
-    backend: str = "serial",
-    scheduler: str | None = None,
-    profiles: str | Path | None = None,
-    strict: bool = False,
-    dry_run: bool = False,
-    quiet: bool = False,
-    interrupt: Interrupt = lambda: None,
-) -> int:
-    """Run an experiment file, or what is missing of it: :func:`jaxclay.experiments.run`.
-
-    Returns 0, 1 if results are missing at the end, or 130 if it was interrupted.
-    """
-    with refusing(strict):
-        edited = editing.of_file(experiment, profiles)
-    folder = Path("out") / Path(experiment).stem if out is None else Path(out)
-    words = ["jaxclay", "sweep", str(experiment), "--out", str(folder)]
-    words += ["--backend", backend] if backend != "serial" else []
-    words += ["--scheduler", scheduler] if scheduler else []
-    words += ["--profiles", str(profiles)] if profiles else []
-    words += ["--strict"] if strict else []
-    how = {"backend": backend, "scheduler": scheduler, "quiet": quiet, "dry_run": dry_run}
+def sweep(options: Namespace, interrupt: Interrupt) -> int:
+    """Run an experiment file, or what is missing of it: :func:`jaxclay.experiments.run`."""
+    edited = editing.of_file(options.experiment, options.profiles)
+    folder = options.out or Path("out") / Path(options.experiment).stem
+    again = ["jaxclay", "sweep", options.experiment, "--out", str(folder)]
+    again += ["--backend", options.backend] if options.backend != "serial" else []
+    again += ["--scheduler", options.scheduler] if options.scheduler else []
+    again += ["--profiles", str(options.profiles)] if options.profiles else []
+    again += ["--strict"] if options.strict else []
+    engine.check_backend(edited.experiment, options.backend, options.scheduler)
+    every = engine.tasks_of(edited.experiment, options.backend)
+    if options.dry_run:
+        _tell_profiles(edited.experiment)
+        _say(_described(edited, engine.work(every, folder, options.backend), folder))
+        return 0
     begin = time.perf_counter()
-    code, work = carry_out(edited, folder, shlex.join(words), interrupt, **how)
-    if code == 0 and not dry_run:
-        took = in_words(time.perf_counter() - begin)
+    how = {"backend": options.backend, "scheduler": options.scheduler, "quiet": options.quiet}
+    code = carry_out(edited, every, folder, shlex.join(again), interrupt, **how)
+    if code == 0:
         drawn = shlex.join(["jaxclay", "report", str(folder)])
-        _say(f"all {len(work.every)} tasks are in {folder} ({took}); {drawn}")
+        took = in_words(time.perf_counter() - begin)
+        _say(f"all {len(every)} tasks are in {folder} ({took}); {drawn}")
     return code
 
 
-def shown(
-    edited: Edited, folder: Path, interrupt: Interrupt, rows: bool = False, quiet: bool = False
-) -> int:
-    """Run an experiment, or what is missing of it, write its report and print the summary.
+def compare(options: Namespace, interrupt: Interrupt) -> int:
+    """The packaged comparison, edited by the options: summary and report."""
+    edited = editing.comparison(
+        options.scenes, options.methods, options.slices, options.profiles, options.quick,
+        options.minimum_radius, options.peers,
+    )  # fmt: skip
+    return shown(edited, options.out or Path("out/compare"), options, interrupt)
 
-    Returns as :func:`sweep`.
-    """
-    again = shlex.join(["jaxclay", *sys.argv[1:]])
-    code, work = carry_out(edited, folder, again, interrupt, quiet=quiet)
+
+def atlas(options: Namespace, interrupt: Interrupt) -> int:
+    """The packaged atlas, edited by the options: summary and report."""
+    edited = editing.atlas(options.methods, options.seconds_each, options.quick)
+    return shown(edited, options.out or Path("out/atlas"), options, interrupt)
+
+
+def shown(edited: Edited, folder: Path, options: Namespace, interrupt: Interrupt) -> int:
+    """Run what is missing of an experiment, write its report and print the summary."""
+    again, every = shlex.join(["jaxclay", *sys.argv[1:]]), engine.tasks_of(edited.experiment)
+    code = carry_out(edited, every, folder, again, interrupt, quiet=options.quiet)
     if code:
         return code
-    from jaxclay.experiments import summary
-    from jaxclay.experiments.charts.series import prepared
-    from jaxclay.experiments.frames import records, select
-    from jaxclay.experiments.report import write
-    from jaxclay.experiments.results import table
+    from jaxclay.experiments import report, summary
+    from jaxclay.experiments.frames import records
 
-    keys = {task.key for task in work.every}
-    write(folder, keys=keys)
-    every = prepared(table(folder))
-    every = select(every, every.key.isin(list(keys)))
-    console = plain_console()
-    if rows:
-        lines = map(summary.cells, records(every))
-        _print_whole(console, summary.printed("every row", lines, summary.ROWS), _ENDLESS)
-    lines = summary.summary(every)
-    _print_whole(console, summary.printed(f"jaxclay {edited.name}", lines), _WIDE)
-    for reason, count in summary.refusals(every).items():
-        console.print(f"refused {count} times: {reason}", highlight=False, soft_wrap=True)
-    report = folder / "report.html"
-    console.print(f"report: {report}; rows: --rows, or {folder / 'results.parquet'}",
-                  highlight=False, soft_wrap=True)  # fmt: skip
+    rows = report.shown(folder, {task.key for task in every})
+    report.write(folder, rows=rows)
+    console = plain_console(highlight=False)
+    if options.rows:
+        every_row = summary.printed("every row", map(summary.cells, records(rows)))
+        _print_whole(console, every_row, _ENDLESS)
+    _print_whole(console, summary.printed(f"jaxclay {edited.name}", summary.summary(rows)), _WIDE)
+    for reason, count in summary.refusals(rows).items():
+        console.print(f"refused {count} times: {reason}", soft_wrap=True)
+    more = f"rows: --rows, or {folder / 'results.parquet'}"
+    console.print(f"report: {folder / 'report.html'}; {more}", soft_wrap=True)
     return 0
 
 
 def carry_out(
     edited: Edited,
+    every: list[Task],
     folder: Path,
     again: str,
     interrupt: Interrupt,
@@ -112,43 +111,35 @@ def carry_out(
     backend: str = "serial",
     scheduler: str | None = None,
     quiet: bool = False,
-    dry_run: bool = False,
-) -> tuple[int, Work]:
-    """Run what is missing; ``again`` is the command that goes on.
-
-    Returns the exit status, and what there was to do.
-    """
-    whole = edited.experiment
-    engine.check_backend(whole, backend, scheduler)
+) -> int:
+    """Run what is missing of an experiment's tasks; ``again`` is the command that goes on."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"--out {folder} is a file: name a folder")
     if not quiet:
-        _tell_profiles(whole)
-    if not dry_run:
-        engine.set_damage_aside(folder)
-    work = engine.work(whole, folder, backend)
+        _tell_profiles(edited.experiment)
+    engine.set_damage_aside(folder)
+    work = engine.work(every, folder, backend)
     with contextlib.suppress(OSError):  # told again at the end
-        _say(_described(whole, work, folder))
-    if dry_run or not work.missing:
-        return 0, work
+        _say(_described(edited, work, folder))
+    if not work.missing:
+        return 0
     check_folder(folder)
     keep_experiment(folder, edited.name, edited.text)
-    total, done = len(work.every), len(work.every) - len(work.missing)
+    total, done = len(every), len(every) - len(work.missing)
     try:
         with watched(f"{edited.name}, {backend}", total, done, interrupt, quiet) as callback:
-            lost = engine.run(whole, folder, backend, scheduler, callback)
+            lost = engine.run(every, folder, backend, scheduler, callback)
     except KeyboardInterrupt:
         # First what has to be known: who is in a hurry interrupts again.
         _say(f"interrupted: what had ended is kept; go on with\n  {again}")
-        left = len(engine.work(whole, folder, backend).missing)
+        left = len(engine.work(every, folder, backend).missing)
         _say(f"{total - left} of {total} tasks are in {folder}")
-        return INTERRUPTED, work
+        return INTERRUPTED
     except OSError as error:
         raise OSError(f"{error}: what had been solved is kept in {folder}; then {again}") from error
     if lost:
         _say(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
-        return _MISSING, work
-    return 0, work
+    return _MISSING if lost else 0
 
 
 def _tell_profiles(experiment: Experiment) -> None:
@@ -175,7 +166,7 @@ def _say(text: str) -> None:
     sys.stdout.flush()
 
 
-def _described(experiment: Experiment, work: Work, folder: Path) -> str:
+def _described(edited: Edited, work: Work, folder: Path) -> str:
     shapes = len({task.shape for task in work.every})
     done = len(work.every) - len(work.missing)
     scenes = len({task.specification for task in work.every})
@@ -183,23 +174,16 @@ def _described(experiment: Experiment, work: Work, folder: Path) -> str:
     others = f"\n{folder} holds {work.others} results of other experiments too, and tables and "
     others = f"{others}reports take all of a folder" if work.others else ""
     return (
-        f"{experiment.kind}: {len(work.every)} tasks{before} ({scenes} scenes, {shapes} shapes to "
-        f"compile); about {in_words(work.seconds)} to go{others}"
+        f"{edited.experiment.kind}: {len(work.every)} tasks{before} ({scenes} scenes, {shapes} "
+        f"shapes to compile); about {in_words(work.seconds)} to go{others}"
     )
 
 
-def report(folder: str | Path, out: str | Path | None = None) -> int:
-    """Draw the charts and write ``report.html`` of a folder's results; 0."""
+def report(options: Namespace, interrupt: Interrupt) -> int:
+    """Draw the charts and write ``report.html`` of a folder's results."""
     from jaxclay.experiments.report import write
 
-    target = Path(folder) if out is None else Path(out)
-    written = write(Path(folder), target)
+    target = options.out or options.folder
+    written = write(options.folder, target)
     print(f"wrote {len(written)} files to {target}, among them report.html")
     return 0
-
-
-def agree(*arguments: Any) -> int:
-    """Compare greedy with gradient: see :func:`jaxclay.experiments.agree.agree`."""
-    from jaxclay.experiments.agree import agree as compared
-
-    return compared(*arguments)

@@ -18,39 +18,38 @@ from jaxclay.solve.solution import Solution
 
 _TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _FINER = (*_TOLERANCES[:-1], 1e-13)
+_STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 
 
 class Contestant(NamedTuple):
-    """Its ladder, a setting from loose to tight, and its looks, a colour of the palette first."""
+    """Its looks, a colour of the palette first, and its ladder, a setting from loose to tight."""
 
-    setting: str
-    ladder: tuple[float, ...]
     colour: int
     marker: str
     line: str = "-"
+    ladder: tuple[float, ...] = _TOLERANCES
+    setting: str = "tolerance"
 
 
 # Those of the default comparison come first, and so never share a colour.
 CONTESTANTS: dict[str, Contestant] = {
-    "newton": Contestant("tolerance", (1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11, 1e-14), 0, "o"),
-    "lbfgs": Contestant("tolerance", _TOLERANCES, 1, "s"),
-    "lbfgs-preconditioned": Contestant("tolerance", _TOLERANCES, 2, "D"),
-    "optax-lbfgs": Contestant("tolerance", _TOLERANCES, 3, "^"),
-    "greedy": Contestant("step", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6), 4, "v"),
-    "greedy-refined": Contestant("smallest_step", (1e-3, 1e-4, 1e-5, 1e-6, 1e-7), 5, "*"),
-    "lbfgsb": Contestant("tolerance", _FINER, 6, "P"),
-    "projected-gradient": Contestant("tolerance", _FINER, 7, "X"),
-    "augmented-lagrangian": Contestant("tolerance", _TOLERANCES, 0, "p", "-."),
-    "adam": Contestant("tolerance", _FINER, 1, "h", "-."),
-    "lattice": Contestant(
-        "smallest_spacing", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8), 2, "<", "-."
-    ),
-    "ipopt": Contestant("tolerance", _TOLERANCES, 6, "*", "--"),
-    "scipy-lbfgsb": Contestant("tolerance", _TOLERANCES, 5, "X", "--"),
-    "scipy-trust-constr": Contestant("tolerance", _TOLERANCES, 4, "p", "--"),
-    "optimistix-bfgs": Contestant("tolerance", _TOLERANCES, 3, "h", "--"),
-    "clarabel": Contestant("tolerance", _TOLERANCES, 2, "<", "--"),
-    "piqp": Contestant("tolerance", _TOLERANCES, 1, ">", "--"),
+    "newton": Contestant(0, "o", ladder=(1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-11, 1e-14)),
+    "lbfgs": Contestant(1, "s"),
+    "lbfgs-preconditioned": Contestant(2, "D"),
+    "optax-lbfgs": Contestant(3, "^"),
+    "greedy": Contestant(4, "v", ladder=_STEPS[:5], setting="step"),
+    "greedy-refined": Contestant(5, "*", ladder=_STEPS[1:6], setting="smallest_step"),
+    "lbfgsb": Contestant(6, "P", ladder=_FINER),
+    "projected-gradient": Contestant(7, "X", ladder=_FINER),
+    "augmented-lagrangian": Contestant(0, "p", "-."),
+    "adam": Contestant(1, "h", "-.", ladder=_FINER),
+    "lattice": Contestant(2, "<", "-.", ladder=_STEPS, setting="smallest_spacing"),
+    "ipopt": Contestant(6, "*", "--"),
+    "scipy-lbfgsb": Contestant(5, "X", "--"),
+    "scipy-trust-constr": Contestant(4, "p", "--"),
+    "optimistix-bfgs": Contestant(3, "h", "--"),
+    "clarabel": Contestant(2, "<", "--"),
+    "piqp": Contestant(1, ">", "--"),
 }
 
 DEFAULT = ("newton", "lbfgs", "lbfgs-preconditioned", "optax-lbfgs", "greedy", "greedy-refined")
@@ -58,17 +57,10 @@ DEFAULT = ("newton", "lbfgs", "lbfgs-preconditioned", "optax-lbfgs", "greedy", "
 
 
 class Ready(NamedTuple):
-    """A problem in a contestant's hands.
+    """A problem in a contestant's hands."""
 
-    Attributes
-    ----------
-    call : () -> answer
-        What is timed; can be called again and again.
-    certified : answer -> Solution
-    """
-
-    call: Callable[[], Any]
-    certified: Callable[[Any], Solution]
+    call: Callable[[], Any]  # what is timed; can be called again and again
+    certified: Callable[[Any], Solution]  # what its answer is worth
 
 
 def prepare(
@@ -83,10 +75,7 @@ def prepare(
     A method's call is :func:`jaxclay.minimize`, or its loop alone in float32.  ``seconds`` limits
     a peer's solve where it can be told.
 
-    Raises
-    ------
-    ValueError
-        What the contestant cannot take.
+    Raises ValueError: What the contestant cannot take.
     """
     if name in PEERS:
         if precision == SINGLE:
@@ -114,4 +103,4 @@ def takes_splines(name: str) -> bool:
 
 def contestant(name: str) -> Contestant:
     """Its looks and its ladder; a method that was added elsewhere has none of its own."""
-    return CONTESTANTS.get(name, Contestant("", (), 7, "."))
+    return CONTESTANTS.get(name, Contestant(7, ".", ladder=(), setting=""))

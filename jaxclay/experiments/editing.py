@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from jaxclay.experiments.entries.profiles import files_of
 from jaxclay.experiments.entries.reading import (
     Raw,
     as_toml,
     checked,
     experiment_path,
-    files_of,
+    experiment_text,
     raw_experiment,
     read_experiment,
 )
@@ -35,9 +36,8 @@ class Edited(NamedTuple):
 
 def of_file(path: str | Path, profiles: str | Path | None = None) -> Edited:
     """An experiment file as it is; raises as :func:`.entries.reading.read_experiment`."""
-    found = read_experiment(path, profiles)
-    path = experiment_path(path)
-    return Edited(path.stem, found, path.read_text(encoding="utf-8-sig"))
+    found, path = read_experiment(path, profiles), experiment_path(path)
+    return Edited(path.stem, found, experiment_text(path))
 
 
 def comparison(
@@ -54,22 +54,15 @@ def comparison(
     ``peers`` names solvers from outside that run too; an empty list is all of them.  With them
     the named scenes are run as E_move alone too, for those that take nothing else.
 
-    Raises
-    ------
-    ValueError
-        An unknown scene, method or peer, too few or too many slices, no CSV in the folder.
-    ImportError
-        A peer's library is missing.
+    Raises ValueError: An unknown scene, method or peer, too few or too many slices, no CSV in the
+    folder; ImportError: A peer's library is missing.
     """
-    name = "compare-quick" if quick else "compare"
-    raw = raw_experiment(name)
+    name, raw = _packaged("compare", quick, methods)
     first, finer, *featured = raw["parts"]
     outside = list(PEERS) if peers == [] else peers or []
     for peer in outside:
         checked_peer(peer)
-    if methods is not None:
-        raw["methods"] = _named(methods)
-    raw["methods"] += [{"name": peer} for peer in outside]
+        raw["methods"].append({"name": peer})
     for n in slices or ():
         if not 8 <= n <= _MOST_SLICES:
             raise ValueError(f"slices must lie between 8 and {_MOST_SLICES}, got {n}")
@@ -79,25 +72,24 @@ def comparison(
             if not isinstance(part["discretisations"][0]["slices"], list):
                 part["discretisations"] = [{"scheme": "paper", "slices": min(slices)}]
     known = _tables(first["scenes"][0]["names"] if scenes is None else [*packaged_scenes()])
-    if profiles is not None:
-        known |= _of_folder(profiles, minimum_radius)
+    known |= {} if profiles is None else _of_folder(profiles, minimum_radius)
     for one in scenes or ():
         if one not in known:
             raise ValueError(f"unknown scene {one!r}: choose from {', '.join(known)}")
     chosen = {one: known[one] for one in scenes or known}
+    first["scenes"] = list(chosen.values())
     for part in featured:
         (table,) = part["scenes"]
         if not set(table["names"]) <= set(chosen):
-            part["scenes"] = [next(iter(chosen.values())) | {"units": table["units"]}]
+            part["scenes"] = [first["scenes"][0] | {"units": table["units"]}]
     (table,) = finer["scenes"]
     table["names"] = [one for one in table["names"] if one in chosen]
     if slices or not table["names"]:
         raw["parts"].remove(finer)
-    first["scenes"] = list(chosen.values())
-    everything: list[Raw] = [table for part in raw["parts"] for table in part["scenes"]]
-    for table in everything:
-        if outside and set(table.get("names", ())) & set(NAMED):
-            table["units"] = [*table["units"], "move"]
+    for part in raw["parts"]:
+        for table in part["scenes"]:
+            if outside and set(table.get("names", ())) & set(NAMED):
+                table["units"] = [*table["units"], "move"]
     return _edited(name, raw)
 
 
@@ -106,15 +98,9 @@ def atlas(
 ) -> Edited:
     """The atlas, of fewer methods or with other seconds for each solve.
 
-    Raises
-    ------
-    ValueError
-        An unknown method, seconds that are not positive.
+    Raises ValueError: An unknown method, seconds that are not positive.
     """
-    name = "atlas-quick" if quick else "atlas"
-    raw = raw_experiment(name)
-    if methods is not None:
-        raw["methods"] = _named(methods)
+    name, raw = _packaged("atlas", quick, methods)
     if seconds is not None:
         check_positive("seconds", seconds)
         raw["budget"] = seconds
@@ -124,13 +110,9 @@ def atlas(
 def accuracy(scenes: int | None = None, seed: int = 0, quick: bool = False) -> Edited:
     """Speed against accuracy on about so many random scenes.
 
-    Raises
-    ------
-    ValueError
-        Fewer than one scene.
+    Raises ValueError: Fewer than one scene.
     """
-    name = "accuracy-quick" if quick else "accuracy"
-    raw = raw_experiment(name)
+    name, raw = _packaged("accuracy", quick)
     raw["seed"] = seed
     if scenes is not None:
         check_positive("scenes", scenes)
@@ -140,15 +122,21 @@ def accuracy(scenes: int | None = None, seed: int = 0, quick: bool = False) -> E
     return _edited(name, raw)
 
 
+def _packaged(name: str, quick: bool, methods: list[str] | None = None) -> tuple[str, Raw]:
+    """Name and tables of a packaged experiment or its quick part, of the methods named."""
+    name = f"{name}-quick" if quick else name
+    raw = raw_experiment(name)
+    for method in methods or ():
+        if method not in METHODS:
+            raise ValueError(f"unknown method {method!r}: choose from {', '.join(METHODS)}")
+    if methods is not None:
+        raw["methods"] = [{"name": method} for method in dict.fromkeys(methods)]
+    return name, raw
+
+
 def _edited(name: str, raw: Raw) -> Edited:
-    return Edited(name, checked(raw, Path(name)), as_toml(raw))
-
-
-def _named(methods: list[str]) -> list[Raw]:
-    for name in methods:
-        if name not in METHODS:
-            raise ValueError(f"unknown method {name!r}: choose from {', '.join(METHODS)}")
-    return [{"name": name} for name in dict.fromkeys(methods)]
+    text = as_toml(raw)
+    return Edited(name, checked(raw, Path(name), text), text)
 
 
 def _tables(names: list[str]) -> dict[str, Raw]:
@@ -163,9 +151,10 @@ def _tables(names: list[str]) -> dict[str, Raw]:
 def _of_folder(folder: Path, minimum_radius: float | None) -> dict[str, Raw]:
     """Two squashes, at mid-height and at the shoulder, of each CSV profile in a folder."""
     more: dict[str, Any] = {} if minimum_radius is None else {"minimum_radius": minimum_radius}
-    more["units"] = _UNITS
     return {
-        f"{Path(file).stem}-{place}": {"profiles": [file], "places": [place], **more}
+        f"{Path(file).stem}-{place}": {
+            "profiles": [file], "places": [place], "units": _UNITS, **more
+        }
         for file in files_of(folder, minimum_radius)
         for place in ("middle", "shoulder")
-    }
+    }  # fmt: skip

@@ -21,20 +21,13 @@ KEPT_SETTINGS = (
 )
 
 
-def cores() -> int:
-    """How many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def pool_threads() -> int:
     """Threads of XLA's pool here: one, unless JAX has been started with more.
 
     Problems are small, and handing them from one thread to another costs a third of the time.
     """
-    with environment({"NPROC": os.environ.get("NPROC", "1")}):  # read when JAX starts
-        jax.devices()
+    with environment({"NPROC": os.environ.get("NPROC", "1")}):
+        jax.devices()  # reads it when JAX starts
     return xla_threads()
 
 
@@ -52,26 +45,21 @@ def one_thread() -> dict[str, str]:
 @contextlib.contextmanager
 def environment(variables: dict[str, str]) -> Iterator[None]:
     """The process's environment with these variables, which processes that it starts inherit."""
-    before = {name: os.environ.get(name) for name in variables}
+    before = dict(os.environ)
     os.environ.update(variables)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in variables.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update(before)
 
 
 @contextlib.contextmanager
 def alone() -> Iterator[None]:
     """Keep this user's other timing runs off the machine: two at once spoil each other's times.
 
-    Raises
-    ------
-    RuntimeError
-        There is one already.
+    Raises RuntimeError: There is one already.
     """
     try:
         import fcntl
@@ -96,10 +84,9 @@ def pinned() -> Iterator[int]:
         yield -1
         return
     before = os.sched_getaffinity(0)
-    core = max(before)
-    _hold({core})
+    _hold({max(before)})
     try:
-        yield core
+        yield max(before)
     finally:
         _hold(before)
 

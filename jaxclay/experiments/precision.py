@@ -78,21 +78,12 @@ def solve_in_single(
 
 
 class Rounding(NamedTuple):
-    """What float32 says at a minimum found in float64.
+    """What float32 says at a minimum found in float64."""
 
-    Attributes
-    ----------
-    energy : float
-        Relative error of E_total.
-    gradient : float
-        Largest error of its smooth part's gradient, over h (mu + k).
-    decrement : float
-        What the certificate reads in float32, over E_free; inf where it sees no positive
-        curvature.  In float64 it reads 1e-10 or less.
-    """
-
-    energy: float
-    gradient: float
+    energy: float  # relative error of E_total
+    gradient: float  # largest error of its smooth part's gradient, over h (mu + k)
+    # What the certificate reads, over E_free; inf where it sees no positive curvature.  In float64
+    # it reads 1e-10 or less.
     decrement: float
 
 

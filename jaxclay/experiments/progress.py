@@ -41,17 +41,8 @@ def watched(
 ) -> Iterator[Callback]:
     """What :func:`.engine.run` calls after every batch; ``interrupt`` may raise."""
     console = Console(stderr=True)
-    with contextlib.ExitStack() as stack:
-        if quiet or not console.is_terminal:
-            lines = _Lines(total, done)
-            stack.callback(lines.end)
-            show = lines.show
-        else:
-            bar = stack.enter_context(_bar(console))
-            number = bar.add_task(_fit(label), total=total, completed=done)
-
-            def show(text: str, done: int) -> None:
-                bar.update(number, completed=done, description=_fit(text))
+    shown = _lines if quiet or not console.is_terminal else _bar
+    with shown(console, label, total, done) as show:
 
         def callback(rows: list[Row], done: int) -> None:
             interrupt()
@@ -60,59 +51,51 @@ def watched(
         yield callback
 
 
-class _Lines:
+@contextlib.contextmanager
+def _bar(console: Console, label: str, total: int, done: int) -> Iterator[Callable]:
+    text, left = TextColumn("{task.description:<34.34}"), TextColumn("left")
+    columns = text, BarColumn(12), MofNCompleteColumn(), _Rate(), left, TimeRemainingColumn()
+    with Progress(*columns, console=console, speed_estimate_period=_RATE_OVER) as bar:
+        number = bar.add_task(label, total=total, completed=done)
+        yield lambda text, done: bar.update(number, completed=done, description=text)
+
+
+@contextlib.contextmanager
+def _lines(console: Console, label: str, total: int, first: int) -> Iterator[Callable]:
     """Plain lines on standard error, by a thread of their own: one solve may take long."""
+    begin, ended = time.perf_counter(), threading.Event()
+    latest: list[Any] = ["begins", first]
 
-    def __init__(self, total: int, done: int):
-        self.total, self.first, self.done, self.text = total, done, done, "begins"
-        self.begin = time.perf_counter()
-        self.ended = threading.Event()
-        self.thread = threading.Thread(target=self._say, args=(sys.stderr,), daemon=True)
-        self.thread.start()
-
-    def show(self, text: str, done: int) -> None:
-        self.text, self.done = text, done
-
-    def end(self) -> None:
-        self.ended.set()
-        self.thread.join()
-
-    def _say(self, stream) -> None:
-        while not self.ended.wait(EVERY):
+    def say(stream) -> None:
+        while not ended.wait(EVERY):
+            text, done = latest
+            speed = (done - first) / (time.perf_counter() - begin)
+            left = in_words((total - done) / speed) if speed else "not known how much"
+            line = f"{done} of {total} tasks{_rate(speed, ', ')}, {left} left; {text}"
             with contextlib.suppress(OSError, ValueError):  # nobody may read it any more
-                print(self.line(), file=stream, flush=True)
+                print(line, file=stream, flush=True)
 
-    def line(self) -> str:
-        made = self.done - self.first
-        speed = made / (time.perf_counter() - self.begin)
-        left = in_words((self.total - self.done) / speed) if made else "not known how much"
-        rate = f", {_rate(speed)}" if made else ""
-        return f"{self.done} of {self.total} tasks{rate}, {left} left; {self.text}"
+    thread = threading.Thread(target=say, args=(sys.stderr,), daemon=True)
+    thread.start()
 
+    def show(*news: Any) -> None:
+        latest[:] = news
 
-def _bar(console: Console) -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=12),
-        MofNCompleteColumn(),
-        _Rate(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=console, speed_estimate_period=_RATE_OVER)
-
-
-def _fit(text: str) -> str:
-    """The text in the width that the bar keeps for it."""
-    return f"{text:<34.34}"
+    try:
+        yield show
+    finally:
+        ended.set()
+        thread.join()
 
 
 class _Rate(ProgressColumn):
     """How many a second, or seconds for each."""
 
     def render(self, task: Task) -> Text:
-        return Text(_rate(task.speed) if task.speed else "")
+        return Text(_rate(task.speed))
 
 
-def _rate(speed: float) -> str:
-    return f"{speed:.1f}/s" if speed >= 1 else f"{1 / speed:.1f} s each"
+def _rate(speed: float | None, before: str = "") -> str:
+    if not speed:
+        return ""
+    return before + (f"{speed:.1f}/s" if speed >= 1 else f"{1 / speed:.1f} s each")

@@ -15,36 +15,30 @@ from jaxclay.experiments.columns import COLUMNS, CURVES, SCHEMA
 from jaxclay.experiments.store import parts, read_part
 
 # Missing where a task was skipped; of one type all the same, whether or not there is such a task.
-_MAY_MISS = {
-    "iterations": "Int64",
-    "unknowns": "Int64",
-    "floored": "boolean",
-    "positive": "boolean",
-}
+_MAY_MISS = {"iterations": "Int64", "unknowns": "Int64", "floored": "boolean",
+             "positive": "boolean"}  # fmt: skip
 _OLD = {"recipe": "specification", "dtype": "precision"}  # columns of 0.1.0
 _ALONG = {"contour": "point", "before": "point_before", "start": "point_start", "trace": "stop"}
 _LABELS = ("key", "kind", "scene", "number", "units", "scheme", "spacing", "degree", "slices",
            "elements", "tolerance", "method", "settings", "precision")  # fmt: skip
+_ORDER = ["kind", *_LABELS[5:], "scene", "number", "key"]
 
 
 def table(folder: str | Path) -> pd.DataFrame:
     """A row for each task that is done; see :func:`jaxclay.experiments.load`."""
-    whole = _read(Path(folder), COLUMNS).to_pandas()
-    order = ["kind", *_LABELS[5:-2], "method", "settings", "precision", "scene", "number", "key"]
-    order = list(dict.fromkeys(order))
-    found = whole.drop_duplicates(subset="key").sort_values(order, ignore_index=True)
-    found = found.astype(_MAY_MISS)
+    found = _read(Path(folder), COLUMNS).sort_values(_ORDER, ignore_index=True).astype(_MAY_MISS)
     found.attrs["units"] = {name: text for name, (_, text) in COLUMNS.items()}
     return found
 
 
 def curves(folder: str | Path) -> xr.Dataset:
     """The contours and traces of those tasks: :func:`jaxclay.experiments.load_curves`."""
-    whole = _read(Path(folder), [*_LABELS, *CURVES]).to_pandas().drop_duplicates(subset="key")
-    variables: dict[str, Any] = {}
-    for name, (_, text) in CURVES.items():
-        along = _ALONG[name.partition("_")[0]]
-        variables[name] = (("task", along), _padded(list(whole[name])), {"description": text})
+    whole = _read(Path(folder), [*_LABELS, *CURVES])
+    variables: dict[str, Any] = {
+        name: (("task", _ALONG[name.partition("_")[0]]), _padded(whole[name]),
+               {"description": text})
+        for name, (_, text) in CURVES.items()
+    }  # fmt: skip
     labels = {
         name: ("task", whole[name].to_numpy(), {"description": COLUMNS[name][1]})
         for name in _LABELS
@@ -52,11 +46,13 @@ def curves(folder: str | Path) -> xr.Dataset:
     return xr.Dataset(variables, coords=labels)
 
 
-def _read(folder: Path, columns) -> pa.Table:
+def _read(folder: Path, columns) -> pd.DataFrame:
+    """Those columns of all parts that can be read, each task once."""
     found = []
     for path in parts(folder):
         try:
-            found.append(_renamed(read_part(path, [*columns, *_OLD])))
+            part = read_part(path, [*columns, *_OLD])
+            found.append(part.rename_columns([_OLD.get(n, n) for n in part.column_names]))
         except (OSError, pa.ArrowException) as error:
             warnings.warn(
                 f"{path} is damaged and left out ({str(error).splitlines()[0]}): the next "
@@ -66,18 +62,14 @@ def _read(folder: Path, columns) -> pa.Table:
     if not found:
         raise ValueError(f"no readable results in {folder}: run jaxclay sweep on it again")
     found.append(SCHEMA.empty_table().select(list(columns)))  # what older files do not have
-    return pa.concat_tables(found, promote_options="default")
+    whole = pa.concat_tables(found, promote_options="default").to_pandas()
+    return whole.drop_duplicates(subset="key")
 
 
-def _renamed(part: pa.Table) -> pa.Table:
-    return part.rename_columns([_OLD.get(name, name) for name in part.column_names])
-
-
-def _padded(rows: list[Any]) -> np.ndarray:
+def _padded(rows: Any) -> np.ndarray:
     """Rows of different lengths as one array, filled up with NaN."""
-    rows = [() if row is None else row for row in rows]
-    longest = max((len(row) for row in rows), default=0)
-    whole = np.full((len(rows), longest), np.nan)
-    for i, row in enumerate(rows):
-        whole[i, : len(row)] = row
+    known = [() if row is None else row for row in rows]
+    whole = np.full((len(known), max(map(len, known), default=0)), np.nan)
+    for line, row in zip(whole, known, strict=True):
+        line[: len(row)] = row
     return whole

@@ -7,6 +7,7 @@ of the fig scenes are our choice.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -27,31 +28,16 @@ _LEAST_SHARE = 0.05  # of the clay under a profile's tool, so that coarse grids 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A succession of squashes; what is compared is the last.
-
-    Attributes
-    ----------
-    name : str
-    clay : slices -> Clay
-        The piece before the first squash.
-    squashes : tuple of Squash
-        All but the last are solved by ``newton``.
-    k, mu, alpha, beta : float
-        Of the material, alpha and beta in the units asked for.
-    units : tuple
-        Which of "snake", "printed" and "move" (E_move alone, alpha = beta = 0) it is run in.
-    fewest_slices : int
-        Below it a band holds too few nodes.
-    """
+    """A succession of squashes; what is compared is the last."""
 
     name: str
-    clay: Callable[[int], Clay]
-    squashes: tuple[Squash, ...]
+    clay: Callable[[int], Clay]  # the piece before the first squash, on so many slices
+    squashes: tuple[Squash, ...]  # all but the last are solved by ``newton``
     k: float = 1.0
     mu: float = 1.0
-    units: tuple[str, ...] = UNITS
-    fewest_slices: int = 3
-    alpha: float = 1.0
+    units: tuple[str, ...] = UNITS  # which of them it is run in; "move" is E_move alone
+    fewest_slices: int = 3  # below it a band holds too few nodes
+    alpha: float = 1.0  # in the units asked for, as beta
     beta: float = 1.0
 
     def material(self, units: str) -> Material:
@@ -70,15 +56,12 @@ class Scene:
         greedy is not held up by the thinnest of them.
         """
         clay, material = self.clay(slices), self.material(units)
-        how: dict[str, Any] = {"scheme": scheme} | (
-            {"spacing": "equal"} if scheme == "slices" else {}
-        )
-        problems = []
-        for squash in self.squashes:
+        how: dict[str, Any] = {"spacing": "equal"} if scheme == "slices" else {}
+        how["scheme"] = scheme
+        problems = [pose(clay, self.squashes[0], material, **how)]
+        for before, squash in itertools.pairwise(self.squashes):
+            clay = deform(clay, before, material, **how).raise_for_status().clay
             problems.append(pose(clay, squash, material, **how))
-            if squash is not self.squashes[-1]:
-                answer = deform(clay, squash, material, **how)
-                clay = answer.raise_for_status().clay
         return problems
 
 
@@ -88,19 +71,11 @@ def _cylinder(radius: float) -> Callable[[int], Clay]:
 
 _FIG4 = Squash(0.0, 0.3, 0.4)
 _FIG6 = tuple(Squash(0.78 - 0.09 * j, 0.90 - 0.09 * j, 0.38) for j in range(8))
-_FIG7 = tuple(
-    Squash(*band)
-    for band in (
-        (0.75, 1.1, 0.12),
-        (0.7, 0.85, 0.14),
-        (0.3, 0.4, 0.2),
-        (0.0, 0.06, 0.22),
-        (0.85, 1.2, 0.1),
-        (1.1, 1.5, 0.08),
-        (0.4, 0.5, 0.24),
-        (0.9, 1.05, 0.09),
-    )
-)
+_FIG7 = (
+    Squash(0.75, 1.1, 0.12), Squash(0.7, 0.85, 0.14), Squash(0.3, 0.4, 0.2),
+    Squash(0.0, 0.06, 0.22), Squash(0.85, 1.2, 0.1), Squash(1.1, 1.5, 0.08),
+    Squash(0.4, 0.5, 0.24), Squash(0.9, 1.05, 0.09),
+)  # fmt: skip
 
 NAMED: dict[str, Scene] = {
     scene.name: scene

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import itertools
 import os
 import shlex
 import time
@@ -35,30 +34,27 @@ class Store:
     def __init__(self, folder: Path):
         self.folder = folder / _FOLDER
         self._known: dict[str, dict[str, str]] = {}
-        self._tidy()
+        for path in self.folder.glob(".part-*"):  # which a killed run left
+            with contextlib.suppress(OSError):
+                if time.time() - path.stat().st_mtime > _ABANDONED:
+                    path.unlink()
 
-    def keys(self, status: str | None = None) -> set[str]:
-        """Keys of all tasks that are done, by whatever run, or of those that ended in one way.
+    def statuses(self) -> dict[str, str]:
+        """How each task that is done ended, by its key, whichever run did it.
 
         Damaged files are set aside.
         """
         there = {path.name: path for path in self.folder.glob(_PATTERN)}
         for name in there.keys() - self._known.keys():
-            table = self._read(there[name])
-            if table is not None:
-                self._known[name] = _statuses(table.select(["key", "status"]).to_pylist())
+            self._known[name] = self._read(there[name])
         for name in self._known.keys() - there.keys():  # somebody took it away
             del self._known[name]
-        found = (each.items() for each in self._known.values())
-        return {key for key, how in itertools.chain(*found) if status in (None, how)}
+        return {key: status for each in self._known.values() for key, status in each.items()}
 
     def append(self, rows: list[Row]) -> Path:
         """Add the rows as one file, whole or not at all.
 
-        Raises
-        ------
-        OSError
-            The disk is full or refuses; nothing of these rows is kept.
+        Raises OSError: The disk is full or refuses; nothing of these rows is kept.
         """
         keys = sorted(row["key"] for row in rows)
         name = hashlib.sha256("".join(keys).encode()).hexdigest()[:16]
@@ -69,14 +65,15 @@ class Store:
             pq.write_table(table, temporary, compression="zstd", write_page_checksum=True)
             with temporary.open("rb") as file:
                 os.fsync(file.fileno())
-        self._known[path.name] = _statuses(rows)
+        self._known[path.name] = {row["key"]: row["status"] for row in rows}
         return path
 
-    def _read(self, path: Path) -> pa.Table | None:
+    def _read(self, path: Path) -> dict[str, str]:
         try:
-            return read_part(path)
+            table = read_part(path)
+            return dict(zip(*table.select(["key", "status"]).to_pydict().values(), strict=True))
         except FileNotFoundError:  # another run has set it aside
-            return None
+            return {}
         except (OSError, pa.ArrowException) as error:
             aside = path.with_suffix(".damaged")
             with contextlib.suppress(FileNotFoundError):
@@ -86,27 +83,13 @@ class Store:
                 f"{aside.name} and its tasks are done again",
                 stacklevel=3,
             )
-            return None
-
-    def _tidy(self) -> None:
-        """Remove hidden files that a killed run left."""
-        for path in self.folder.glob(".part-*"):
-            with contextlib.suppress(OSError):
-                if time.time() - path.stat().st_mtime > _ABANDONED:
-                    path.unlink()
-
-
-def _statuses(rows: list[Row]) -> dict[str, str]:
-    return {row["key"]: row["status"] for row in rows}
+            return {}
 
 
 def keep_experiment(folder: Path, name: str, text: str) -> None:
     """Keep a copy of an experiment's text, so that a folder says what its results are of.
 
-    Raises
-    ------
-    OSError
-        The folder cannot be written to.
+    Raises OSError: The folder cannot be written to.
     """
     digest = hashlib.sha256(text.encode()).hexdigest()[:8]
     copy = folder / _EXPERIMENTS / f"{name}-{digest}.toml"
@@ -124,10 +107,7 @@ def experiments(folder: Path) -> list[str]:
 def read_part(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
     """One file's rows, its checksums compared.
 
-    Raises
-    ------
-    OSError, pyarrow.ArrowException
-        The file is damaged.
+    Raises OSError, pyarrow.ArrowException: The file is damaged.
     """
     wanted = None if columns is None else list(columns)
     # Opened once, so that a rename under way cannot come between.
@@ -138,10 +118,7 @@ def read_part(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
 def parts(folder: Path) -> list[Path]:
     """The files of a folder's results, in the order of their names.
 
-    Raises
-    ------
-    ValueError
-        There are none.
+    Raises ValueError: There are none.
     """
     found = sorted((Path(folder) / _FOLDER).glob(_PATTERN))
     if not found:

@@ -22,11 +22,12 @@ Line = dict[str, str]
 def summary(rows: pd.DataFrame) -> list[Line]:
     """A line for each method on each scheme, and for each of its settings where they are few.
 
-    Of a method that was run over a ladder its own settings count, or the tightest.
+    Of a method that was run over a ladder its own settings count, or the tightest.  Columns that
+    would be empty are left out.
     """
     rows = marked(told_apart(rows))
     best = _quickest(rows)
-    return [_line(str(series), part, best) for series, part in groups(rows, "series")]
+    return _filled([_line(str(series), part, best) for series, part in groups(rows, "series")])
 
 
 def _quickest(rows: pd.DataFrame) -> dict[str, str]:
@@ -118,15 +119,19 @@ def cells(row: Any) -> Line:
     return dict(zip(ROWS, values, strict=True))
 
 
-def printed(title: str, lines: Iterable[Line], columns: Iterable[str] = ()) -> Table:
+def printed(title: str, lines: Iterable[Line]) -> Table:
     """Lines as a table for the terminal, without columns that are empty."""
-    lines = list(lines)
-    names = [n for n in columns or (lines[0] if lines else ()) if any(line[n] for line in lines)]
+    lines = _filled(list(lines))
     view = Table(title=title, box=None, pad_edge=False)
-    for name in names:
+    for name in lines[0] if lines else ():
         wide = name == "in a sentence"
-        text = name in ("method", "scene", "units", "settings", "status") or wide
+        text = wide or name in ("method", "scene", "units", "settings", "status")
         view.add_column(name, justify="left" if text else "right", no_wrap=not wide)
     for line in lines:
-        view.add_row(*(line[name] for name in names))
+        view.add_row(*line.values())
     return view
+
+
+def _filled(lines: list[Line]) -> list[Line]:
+    kept = [name for name in lines[0] if any(line[name] for line in lines)] if lines else []
+    return [{name: line[name] for name in kept} for line in lines]

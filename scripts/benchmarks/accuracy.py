@@ -21,6 +21,7 @@ from jaxclay.experiments import editing, load
 from jaxclay.experiments.charts.accuracy import GOOD, points, speed_and_accuracy
 from jaxclay.experiments.charts.series import prepared
 from jaxclay.experiments.command import carry_out
+from jaxclay.experiments.engine import tasks_of
 from jaxclay.experiments.frames import number, records
 from jaxclay.files.output import patient_output
 
@@ -32,7 +33,8 @@ def main() -> int:
     if not asked.draw:
         edited = editing.accuracy(asked.scenes, asked.seed, asked.quick)
         again = " ".join(["scripts/bench accuracy", *sys.argv[1:]])
-        code, _ = carry_out(edited, asked.out, again, lambda: None)
+        every = tasks_of(edited.experiment)
+        code = carry_out(edited, every, asked.out, again, lambda: None)
         if code:
             return code
     rows = prepared(load(asked.out))

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("pydantic")
 
 from jaxclay.cli.main import main
+from jaxclay.experiments import run
 from jaxclay.experiments.agree import agreement
 from jaxclay.experiments.entries.tables import AgreeTable
 
@@ -39,8 +40,8 @@ def said(tmp_path, capsys):
     return run
 
 
-def test_the_packaged_population_agrees(capsys):
-    assert main(["agree", "agreement"]) == 0
+def test_the_packaged_population_agrees(tmp_path, capsys):
+    assert main(["agree", "agreement", "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert int(re.search(r"(\d+) pairs compared", out)[1]) >= 12
     assert "all agree" in out
@@ -49,7 +50,7 @@ def test_the_packaged_population_agrees(capsys):
 def test_only_snake_units_are_compared(said):
     code, out = said(TEXT)
     assert code == 0
-    assert out.startswith("the paper's scheme:\n2 pairs compared")
+    assert "the paper's scheme:\n2 pairs compared" in out
 
 
 def test_each_scheme_has_its_verdict(said):
@@ -57,7 +58,7 @@ def test_each_scheme_has_its_verdict(said):
     code, out = said(both)
     assert code == 0
     first, second = out.split("second-order slices, equal on each side of the band:\n")
-    for part in (first.removeprefix("the paper's scheme:\n"), second):
+    for part in (first.partition("the paper's scheme:\n")[2], second):
         assert part.startswith("2 pairs compared")
         assert "all agree" in part
 
@@ -67,7 +68,7 @@ def test_a_coarse_greedy_disagrees_and_the_command_for_each_reproduces_it(said):
     code, out = said(coarse)
     assert code == 1
     assert "2 disagree" in out
-    keys = re.findall(r"jaxclay agree \S+small.toml --only (\w+)", out)
+    keys = re.findall(r"jaxclay agree \S+small.toml --out \S+ --only (\w+)", out)
     assert len(keys) == 2
     gaps = re.findall(r"(reference|fig4c) .* energy gap (\S+),", out)
     code, again = said(coarse, "--only", keys[0])
@@ -88,6 +89,31 @@ def test_clay_that_is_all_under_the_tool_agrees(said):
     code, out = said(TEXT.replace('names = ["reference", "fig4c"]', swallowed))
     assert code == 0
     assert "largest energy gap 0.0e+00" in out
+
+
+def test_a_folder_that_was_filled_otherwise_is_judged_as_it_is(tmp_path, capsys):
+    """By a timing run, of several methods and units; nothing is solved again."""
+    text = TEXT.replace("throughput", "timing").replace("slices", "repeats = 1\nslices")
+    steps = "settings = { step = 1e-2, smallest_step = [1e-2, 1e-6] }"
+    (tmp_path / "small.toml").write_text(
+        text.replace("settings = {}", steps) + '[[methods]]\nname = "greedy"\n'
+    )
+    out = tmp_path / "out"
+    rows = run(tmp_path / "small.toml", out).query(
+        "method == 'greedy-refined' and units == 'snake'"
+    )
+    limits = rows.gap_relative.abs().gt(1e-4) | rows.contour_error.gt(1e-4)
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet")}
+    assert main(["agree", str(out)]) == 1
+    said = capsys.readouterr().out
+    assert f"{len(rows)} pairs compared: energy within 0.0001" in said
+    keys = re.findall(r"jaxclay agree \S+out --only (\w+)", said)
+    assert sorted(keys) == sorted(rows.key[limits])
+    assert 0 < len(keys) < len(rows)
+    (agreed, *_) = rows.key[~limits]
+    assert main(["agree", str(out), "--only", agreed]) == 0
+    assert main(["agree", str(out), "--profiles", str(tmp_path)]) == 2
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*.parquet")} == before
 
 
 def test_an_unknown_key_and_no_greedy_are_refused(said, capsys):

@@ -23,17 +23,19 @@ COUNT = 12
 
 @pytest.fixture(scope="module")
 def experiment(tmp_path_factory):
-    """Two tasks a batch, compilations kept for all workers."""
+    """Two tasks a batch."""
     path = tmp_path_factory.mktemp("experiment") / "small.toml"
     path.write_text(GREEDY)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(estimate, "MOST", 2)
-        before = {name: getattr(jax.config, name) for name in machine.KEPT_SETTINGS}
-        for name, value in zip(before, (str(path.parent / "kept"), 0, -1), strict=True):
-            jax.config.update(name, value)
         yield path
-        for name, value in before.items():
-            jax.config.update(name, value)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """One that is there already, for all that share it."""
+    with backends.local_cluster() as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +48,11 @@ def assert_same(table, other):
     assert list(a.key) == list(b.key)
     assert len(a) == COUNT
     np.testing.assert_allclose(a.energy, b.energy, rtol=1e-12)
+
+
+def tasks_of(experiment):
+    """As workers of a thread each solve them."""
+    return engine.tasks_of(read_experiment(experiment), "dask")
 
 
 def killer(victims):
@@ -61,15 +68,17 @@ def killer(victims):
 
 
 @pytest.fixture(scope="module")
-def with_dask(serial, experiment, tmp_path_factory):
-    """A run on a local cluster one worker of which is killed."""
-    out, victims = tmp_path_factory.mktemp("dask"), []
-    engine.run(read_experiment(experiment), out, "dask", callback=killer(victims))
+def processes(serial, experiment, tmp_path_factory):
+    """A run in processes one of which is killed."""
+    out, victims = tmp_path_factory.mktemp("processes"), []
+    before = {name: os.environ.get(name) for name in machine.one_thread()}
+    engine.run(tasks_of(experiment), out, "processes", callback=killer(victims))
+    assert {name: os.environ.get(name) for name in before} == before
     return load(out), victims
 
 
-def test_a_worker_that_dies_under_dask_is_replaced_and_nothing_is_lost(with_dask, serial):
-    table, (victim,) = with_dask
+def test_a_worker_that_dies_is_replaced_and_nothing_is_lost(processes, serial):
+    table, (victim,) = processes
     assert_same(table, serial)
     assert set(table.process) - {victim, os.getpid()}
 
@@ -81,14 +90,15 @@ def test_workers_have_one_thread_each_and_the_same_compilations():
     assert variables["JAX_COMPILATION_CACHE_DIR"] == jax.config.jax_compilation_cache_dir
 
 
-def test_processes_are_spawned_on_a_core_each_and_agree(serial, experiment, tmp_path):
-    before = dict(os.environ)
-    table = run(experiment, tmp_path, backend="processes")
-    assert_same(table, serial)
+def test_processes_are_spawned_on_a_core_each(processes):
+    table, _ = processes
     assert os.getpid() not in set(table.process)
     if hasattr(os, "sched_setaffinity"):
         assert (table.cores == 1).all()
-    assert dict(os.environ) == before
+
+
+def test_no_worker_is_left_behind(processes):
+    assert [child for child in multiprocessing.active_children() if child.is_alive()] == []
 
 
 def deadly(batch, wanted):
@@ -102,38 +112,40 @@ def test_processes_that_die_again_and_again_are_said_and_what_ended_is_kept(
     with monkeypatch.context() as patch:
         patch.setattr(backends, "solve_in_worker", deadly)
         with pytest.raises(RuntimeError, match="a worker process died again and again"):
-            engine.run(read_experiment(experiment), tmp_path, "processes")
+            engine.run(tasks_of(experiment), tmp_path, "processes")
     assert_same(run(experiment, tmp_path), serial)
 
 
 def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeypatch):
     monkeypatch.setattr(backends, "ANSWERS_WITHIN", 1)
     with pytest.raises(OSError, match="Timed out"):
-        engine.run(read_experiment(experiment), tmp_path, "dask", "tcp://127.0.0.1:1")
+        engine.run(
+            tasks_of(experiment),
+            tmp_path,
+            "dask",
+            "tcp://127.0.0.1:1",
+        )
 
 
 def test_what_is_no_address_of_a_scheduler_is_named(experiment, tmp_path):
     with pytest.raises(ValueError, match=r"--scheduler foo: missing port"):
-        engine.run(read_experiment(experiment), tmp_path, "dask", "foo")
+        engine.run(tasks_of(experiment), tmp_path, "dask", "foo")
 
 
-def test_an_existing_scheduler_is_used(serial, experiment, tmp_path):
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
-                      env=machine.one_thread(), silence_logs=50) as cluster:  # fmt: skip
-        address = cluster.scheduler_address
-        table = run(experiment, tmp_path, backend="dask", scheduler=address)
-        assert table.process.nunique() == 1
+def test_an_existing_scheduler_is_used(serial, experiment, tmp_path, cluster):
+    there = {worker.pid for worker in cluster.workers.values()}
+    address = cluster.scheduler_address
+    table = run(experiment, tmp_path, backend="dask", scheduler=address)
+    assert set(table.process) <= there
     assert_same(table, serial)
 
 
-def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
+def test_two_runs_on_one_scheduler_get_their_own_results(tmp_path, cluster):
     sizes = (8, 16)
     paths = [tmp_path / f"of{n}.toml" for n in sizes]
     for n, path in zip(sizes, paths, strict=True):
         path.write_text(GREEDY.replace("slices = 8", f"slices = {n}"))
-    with backends.local_cluster() as cluster, ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(2) as pool:
         runs = [
             pool.submit(run, path, path.with_suffix(""), backend="dask",
                         scheduler=cluster.scheduler_address)
@@ -143,10 +155,10 @@ def test_two_runs_on_one_scheduler_get_their_own_results(experiment, tmp_path):
             assert list(done.result().slices) == [n] * COUNT
 
 
-def test_workers_of_a_local_cluster_keep_compilations_in_the_same_place(experiment):
+def test_workers_of_a_local_cluster_keep_compilations_in_the_same_place(cluster):
     from distributed import Client
 
-    with backends.local_cluster() as cluster, Client(cluster) as client:
+    with Client(cluster) as client:
         found = client.run(lambda: __import__("jax").config.jax_compilation_cache_dir)
     assert set(found.values()) == {jax.config.jax_compilation_cache_dir}
 
@@ -154,7 +166,3 @@ def test_workers_of_a_local_cluster_keep_compilations_in_the_same_place(experime
 def test_a_worker_of_another_version_is_refused():
     with pytest.raises(RuntimeError, match="start workers with that"):
         backends.solve_in_worker([], identity() | {"jaxclay": "0.0.1"})
-
-
-def test_no_worker_is_left_behind(with_dask):
-    assert [child for child in multiprocessing.active_children() if child.is_alive()] == []

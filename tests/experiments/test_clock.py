@@ -20,10 +20,12 @@ scenes = [{ names = ["reference"] }]
 """
 
 
+pytestmark = pytest.mark.usefixtures("nothing_kept")
+
+
 @pytest.fixture
 def timed(tmp_path):
     def of(text):
-        jax.clear_caches()  # as in a process of its own
         path = tmp_path / "one.toml"
         path.write_text(HEAD + text)
         return run(path, tmp_path / "out")
@@ -89,7 +91,7 @@ def test_a_call_in_which_jax_compiles_does_not_count():
     log = compilations()
     _, times = clock.timed("some program", call, 5)
     assert len(log) >= 2
-    assert times.solve_s_most < 0.1 < times.compile_s
+    assert times.solve_s_most < times.compile_s
     assert len(calls) >= times.repeats + 2
 
 

@@ -12,7 +12,12 @@ pytest.importorskip("matplotlib").use("Agg")
 
 from jaxclay.cli.main import main  # noqa: E402
 from jaxclay.experiments import load_curves, run  # noqa: E402
-from jaxclay.experiments.entries.reading import as_toml, checked, raw_experiment  # noqa: E402
+from jaxclay.experiments.entries.reading import (  # noqa: E402
+    as_toml,
+    checked,
+    raw_experiment,
+    read_experiment,
+)
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
 
 EVERYTHING = """\
@@ -61,8 +66,12 @@ discretisations = [
 
 [[parts]]
 ladder = true
-first_answers = true
 scenes = [{ names = ["reference"] }]
+methods = [{ name = "newton" }]
+
+[[parts]]
+first_answers = true
+scenes = [{ names = ["fig4a"] }]
 methods = [{ name = "newton" }]
 
 [[parts]]
@@ -110,7 +119,8 @@ def test_all_entries_at_once_give_their_rows(everything):
     own = newton[(newton.settings == "") & (newton.budget == 0)]
     assert (own.status == "converged").all()
     assert own.contour_error_continuum.notna().all()
-    assert table.first_s.notna().sum() == len(newton.settings.unique())
+    assert list(table.scene[table.first_s.notna()]) == ["fig4a"]
+    assert set(newton.settings) >= {f"tolerance={rung:g}" for rung in (1e-2, 1e-6, 1e-11)}
     drawn = table[(table.height == 2.0)]
     assert drawn.radius.between(0.4, 0.6).all()
 
@@ -146,7 +156,7 @@ def test_a_budget_ends_a_solve_that_would_go_on(tmp_path):
     late = table.loc["max_iterations=1e+06"]
     assert late.status == "out of time"
     assert 0.9 * 0.006 <= late.solve_s < 1.0
-    assert 3 < late.iterations < 1_000_000
+    assert 0 < late.iterations < 1_000_000
 
 
 def test_float32_is_what_the_loop_gives_in_float32(everything):
@@ -192,8 +202,7 @@ def test_tables_written_out_are_read_as_the_same_experiment(name, tmp_path):
     path = tmp_path / "again.toml"
     path.write_text(as_toml(raw))
     found = [
-        {task.key for task in tasks(one)} for one in (checked(raw, path), checked(
-            raw_experiment(path), path
-        ))
-    ]  # fmt: skip
+        {task.key for task in tasks(one)}
+        for one in (checked(raw, path, as_toml(raw)), read_experiment(path))
+    ]
     assert found[0] == found[1]

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from argparse import Namespace
 
 import pytest
 
@@ -21,7 +22,8 @@ def test_every_number_is_there_on_a_narrow_terminal(whole, experiment, monkeypat
     monkeypatch.delenv("COLUMNS", raising=False)
     with open(theirs, "w") as terminal, open(ours, "rb", buffering=0) as screen:
         monkeypatch.setattr(sys, "stdout", terminal)
-        assert command.shown(editing.of_file(experiment), whole, lambda: None) == 0
+        options = Namespace(quiet=True, rows=False)
+        assert command.shown(editing.of_file(experiment), whole, options, lambda: None) == 0
         terminal.flush()
         said = screen.read(100_000).decode()
     assert "greedy-refined" in said

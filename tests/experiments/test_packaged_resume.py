@@ -15,7 +15,7 @@ pytest.importorskip("pydantic")
 from sweeps import files, wait_for
 
 from jaxclay.experiments import load, run
-from jaxclay.experiments.engine import work
+from jaxclay.experiments.engine import tasks_of
 from jaxclay.experiments.entries.reading import (
     as_toml,
     packaged,
@@ -31,7 +31,7 @@ COMMAND = (
 )
 FEW = {"draws": 2, "continuum": 64, "repeats": 1, "budget": 0.01, "slices": 16, "elements": 2,
        "tolerance": 1e-2, "stops": [1, 2], "displacement": 0.1, "mu": [0.5, 1.0], "alpha": 1.0,
-       "beta": 1.0}  # fmt: skip
+       "beta": 1.0, "degree": 5, "first_answers": False}  # fmt: skip
 
 
 def small(raw):
@@ -54,10 +54,10 @@ def small(raw):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_packaged_experiment_is_killed_and_goes_on(name, tmp_path, compiled_once):
+def test_a_packaged_experiment_is_killed_and_goes_on(name, tmp_path):
     path, out = tmp_path / f"{name}.toml", tmp_path / "out"
     path.write_text(as_toml(small(raw_experiment(name))))
-    count = len(work(read_experiment(path), out, "serial").every)
+    count = len(tasks_of(read_experiment(path)))
     command = [sys.executable, "-c", COMMAND, "sweep", str(path), "--out", str(out), "--quiet"]
     rng = random.Random(name)
     environment = os.environ | {"TMPDIR": str(tmp_path)}  # where the lock of timing runs lies

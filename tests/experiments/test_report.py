@@ -144,7 +144,8 @@ def test_times_of_each_machine_and_version_are_apart(copy, monkeypatch):
     assert float(line["median ms"]) == pytest.approx(tried.solve_s.median() * 1e3, rel=0.01)
 
 
-def test_experiments_that_are_pooled_are_named(copy):
+def test_experiments_that_are_pooled_are_named(copy, monkeypatch):
+    monkeypatch.setattr(report, "all_charts", lambda *_: [])
     report.write(copy)
     assert "pooled" not in html(copy)
     (copy / "experiments").mkdir()

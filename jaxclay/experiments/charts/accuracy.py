@@ -11,9 +11,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxclay.experiments.charts.panels import CONTOUR, even_ticks
+from jaxclay.experiments.charts.layout import Chart, even_ticks, legend
+from jaxclay.experiments.charts.panels import CONTOUR
 from jaxclay.experiments.charts.series import default_rows, style
-from jaxclay.experiments.charts.statistics import HIGH, LOW, exponent
+from jaxclay.experiments.charts.statistics import HIGH, LOW, bands, exponent
 from jaxclay.experiments.frames import groups, records, select
 from jaxclay.files.plots import COLOURS
 
@@ -35,8 +36,8 @@ _WAYS = {
 }  # fmt: skip
 
 
-def accuracy_charts(rows: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
-    """Name, caption and figure; none where fewer than two schemes were timed as a whole."""
+def accuracy_charts(rows: pd.DataFrame) -> Iterator[Chart]:
+    """None where fewer than two schemes were timed as a whole."""
     known = points(rows)
     if known.empty or select(known, known.method == "newton").line.nunique() < 2:
         return
@@ -56,22 +57,14 @@ def points(rows: pd.DataFrame) -> pd.DataFrame:
     rows = default_rows(select(rows, (rows.call == "deform") & (rows.precision == "float64")))
     rows = select(rows, rows.continuum_error <= GOOD)
     line = rows.way.where(rows.tolerance == 0, "tolerance")
-    size = rows.slices + rows.elements + rows.tolerance
-    rows = rows.assign(line=line, size_of=size)
+    rows = rows.assign(line=line, size_of=rows.slices + rows.elements + rows.tolerance)
+    rows = rows.assign(unknowns=rows.unknowns.astype(float))
     by = ["line", "degree", "method", "size_of"]
-    solved = select(rows, rows[CONTOUR].notna() & ~rows.status.isin(["unresolved", "non-finite"]))
-    made = solved.groupby(by).agg(
-        error=(CONTOUR, "median"),
-        low=(CONTOUR, lambda e: e.quantile(LOW)),
-        high=(CONTOUR, lambda e: e.quantile(HIGH)),
-        unknowns=("unknowns", lambda n: n.astype(float).median()),
-        solve_s=("solve_s", "median"),
-        first_s=("first_s", "median"),
-        scenes=(CONTOUR, "size"),
-    )
-    every = rows.groupby(by).size()
-    made = made.assign(share=made.scenes / every).reset_index()
-    return select(made, made.share >= _SHARE).sort_values(by)
+    medians = {name: (name, "median") for name in ("unknowns", "solve_s", "first_s")}
+    solved = select(rows, ~rows.status.isin(["unresolved", "non-finite"]))
+    made = bands(solved, by, CONTOUR, scenes=(CONTOUR, "size"), **medians)
+    made = made.assign(share=made.scenes / rows.groupby(by).size()).reset_index()
+    return select(made.rename(columns={"middle": "error"}), made.share >= _SHARE).sort_values(by)
 
 
 def speed_and_accuracy(known: pd.DataFrame) -> Figure:
@@ -79,10 +72,12 @@ def speed_and_accuracy(known: pd.DataFrame) -> Figure:
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(11.5, 5.6), width_ratios=(1.6, 1), layout="constrained", sharey=True
     )
-    for ax, x in ((left, "solve_s"), (right, "unknowns")):
-        _by_newton(ax, select(known, known.method == "newton"), x)
-    _others(left, select(known, known.method != "newton"))
-    _first_answers(left, known)
+    known = known.assign(ms=known.solve_s * 1e3, first_ms=known.first_s * 1e3)
+    newton = known.method == "newton"
+    for ax, x in ((left, "ms"), (right, "unknowns")):
+        _by_newton(ax, select(known, newton), x)
+    _others(left, select(known, ~newton))
+    _first_answers(left, select(known, known.first_s.notna()))
     left.set(xlabel="time of the whole call, ms", ylabel="contour error over the height l")
     left.set_title("speed: down and left is better", fontsize=10)
     right.set(xlabel="unknowns")
@@ -90,34 +85,29 @@ def speed_and_accuracy(known: pd.DataFrame) -> Figure:
     for ax in (left, right):
         ax.set(xscale="log", yscale="log")
         ax.grid(True, which="major", alpha=0.25, linewidth=0.6)
-        even_ticks(ax.xaxis)
-    even_ticks(left.yaxis)
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8.5, frameon=False)
+        even_ticks(ax.xaxis, ax.yaxis)
+    legend(figure, frameon=False)
     return figure
 
 
 def _by_newton(ax: Axes, known: pd.DataFrame, x: str) -> None:
-    scale = 1e3 if x == "solve_s" else 1.0
     for way, (label, look) in _WAYS.items():
         line = select(known, (known.line == way[0]) & (known.degree == way[1]))
         if line.empty:
             continue
-        at = line[x] * scale
         shown: dict[str, Any] = {"markersize": 5, "linewidth": 1.5} | look
-        ax.plot(at, line.error, label=label, **shown)
+        ax.plot(line[x], line.error, label=label, **shown)
         if way[0] in ("paper", "placed"):
-            ax.fill_between(at, line.low, line.high, color=look["color"], alpha=0.15, linewidth=0)
-            for point in records(line) if x == "solve_s" else ():
-                ax.annotate(
-                    f"{point.size_of:.0f}", (point.solve_s * scale, point.error), (4, 4),
-                    textcoords="offset points", fontsize=7.5, color=look["color"],
-                )  # fmt: skip
+            look = {"color": look["color"]}
+            ax.fill_between(line[x], line.low, line.high, alpha=0.15, linewidth=0, **look)
+            for point in records(line) if x == "ms" else ():
+                ax.annotate(f"{point.size_of:.0f}", (point.ms, point.error), (4, 4),
+                            textcoords="offset points", fontsize=7.5, **look)  # fmt: skip
         if way[0] == "paper":
-            _beyond(ax, line, x, scale)
+            _beyond(ax, line, x)
 
 
-def _beyond(ax: Axes, line: pd.DataFrame, x: str, scale: float) -> None:
+def _beyond(ax: Axes, line: pd.DataFrame, x: str) -> None:
     """The paper's scheme where no grid was solved: dashed, by the order of its medians."""
     fine = select(line, line.size_of >= _FINE)
     fine = fine if len(fine) >= 3 else line
@@ -130,8 +120,8 @@ def _beyond(ax: Axes, line: pd.DataFrame, x: str, scale: float) -> None:
     n = np.geomspace(1.0, (_LOWEST / last.error) ** (1 / p), 2)
     look: dict[str, Any] = {"color": _RED, "linestyle": (0, (4, 3)), "linewidth": 1.2}
     label = f"extrapolated by its order {-p:.2g}"
-    ax.plot(float(last[x]) * scale * n**q, float(last.error) * n**p, label=label, **look)
-    ax.plot([last[x] * scale], [last.error], "x", color=_BLACK, ms=10, mew=2, zorder=5)
+    ax.plot(float(last[x]) * n**q, float(last.error) * n**p, label=label, **look)
+    ax.plot([last[x]], [last.error], "x", color=_BLACK, ms=10, mew=2, zorder=5)
 
 
 def _others(ax: Axes, known: pd.DataFrame) -> None:
@@ -140,18 +130,15 @@ def _others(ax: Axes, known: pd.DataFrame) -> None:
         look: dict[str, Any] = style(method) | {"markersize": 4.5, "linewidth": 0.7}
         if line != "paper":
             look |= {"linestyle": "none", "markerfacecolor": "none", "label": None}
-        ax.plot(part.solve_s * 1e3, part.error, **look)
+        ax.plot(part.ms, part.error, **look)
 
 
 def _first_answers(ax: Axes, known: pd.DataFrame) -> None:
     """What the first answer of a process costs, each in its line's colour."""
-    label: str | None = "first answer of a process"
-    for point in records(select(known, known.first_s.notna())):
-        looks = _WAYS.get((point.line, point.degree))
-        newton = point.method == "newton" and looks is not None
-        colour = looks[1]["color"] if newton and looks else style(point.method)["color"]
+    for point in records(known):
+        looks = _WAYS[point.line, point.degree][1] if point.method == "newton" else None
+        colour = (looks or style(point.method))["color"]
         ax.plot(
-            [point.first_s * 1e3], [point.error], linestyle="none", marker="*", markersize=11,
-            color=colour, markerfacecolor="white", label=label, zorder=4,
+            [point.first_ms], [point.error], linestyle="none", marker="*", markersize=11,
+            color=colour, markerfacecolor="white", label="first answer of a process", zorder=4,
         )  # fmt: skip
-        label = None

@@ -9,13 +9,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxclay.experiments.charts.panels import even_ticks
+from jaxclay.experiments.charts.layout import Chart, cells, even_ticks, grid
 from jaxclay.experiments.frames import groups, select
 
-_MAP = colormaps["cividis"].resampled(10)  # light is solved; the same to colour-blind eyes
+# Light is solved; the same to colour-blind eyes.
+_LOOK: dict[str, Any] = {"cmap": colormaps["cividis"].resampled(10), "vmin": 0, "vmax": 1}
+_UNTRIED = "#dddddd"
 _NEAR = 1e-4  # gap over E_free up to which an answer counts as one
 _ENOUGH = 60  # scenes from which their constants can be binned
 _A_BIN = 15  # scenes in each, about
@@ -24,8 +25,10 @@ _FEWEST = 2  # of a bin that gets a colour
 _MOST_SCENES = 14
 
 
-def failure_charts(rows: pd.DataFrame) -> Iterator[tuple[str, str, Figure]]:
-    """Name, caption and figure of each map; the caller closes the figures."""
+def failure_charts(rows: pd.DataFrame) -> Iterator[Chart]:
+    """How much was solved, by scene and, where there are many, by the constants of the clay."""
+    near = (rows.status == "converged") | (rows.gap_relative.abs() <= _NEAR)
+    rows = rows.assign(solved=near.where(rows.status != "skipped").astype(float))
     yield (
         "failures",
         "Failures, dark: the share of tasks that were solved, by method and scene, in the units of "
@@ -49,86 +52,53 @@ def _by_scene(rows: pd.DataFrame) -> Figure:
     """A line for each scene in its units, a column for each method."""
     shown = [*dict.fromkeys(rows.scene)][:_MOST_SCENES]
     place = rows.scene.where(rows.scene.isin(shown), "others") + ", " + rows.units
-    cells: dict[tuple[str, str], pd.DataFrame] = {
-        where: select(part, part.status != "skipped")
-        for where, part in groups(rows.assign(place=place), ["place", "series"])
-    }
-    lines = sorted(set(place), key=lambda name: (name.startswith("others, "), name))
-    series = sorted(set(rows.series))
-    share = np.full((len(lines), len(series)), np.nan)
-    for (where, who), tried in cells.items():
-        if len(tried):
-            share[lines.index(where), series.index(who)] = _solved(tried).mean()
+    found = rows.assign(place=place).groupby(["place", "series"]).solved.agg(["sum", "count"])
+    good, tried = found["sum"].unstack(), found["count"].unstack()
+    lines = sorted(good.index, key=lambda name: (name.startswith("others, "), name))
+    good, tried = good.loc[lines], tried.loc[lines]
+    share = (good / tried).to_numpy()
+    height, width = share.shape
     figure, ax = plt.subplots(
-        figsize=(max(6.0, 1.05 * len(series) + 3.2), 0.29 * len(lines) + 1.5), layout="constrained"
+        figsize=(max(6.0, 1.05 * width + 3.2), 0.29 * height + 1.5), layout="constrained"
     )
-    image = _image(ax, share)
-    for (where, who), tried in cells.items():
-        y, x = lines.index(where), series.index(who)
-        text = f"{int(_solved(tried).sum())}/{len(tried)}" if len(tried) else "skipped"
+    ax.set_facecolor(_UNTRIED)
+    image = cells(ax, share, linewidth=1.5, **_LOOK)
+    for y, x in zip(*np.nonzero(tried.notna().to_numpy()), strict=True):
+        count = tried.iat[y, x]
+        text = f"{good.iat[y, x]:.0f}/{count:.0f}" if count else "skipped"
         ax.text(x, y, text, ha="center", va="center", fontsize=9,
                 color="white" if share[y, x] < 0.6 else "black")  # fmt: skip
-    names = [who.replace("-", "-\n").replace(" ", "\n").replace("=", "=\n") for who in series]
-    ax.set_xticks(range(len(series)), names, fontsize=9)
-    ax.set_yticks(range(len(lines)), lines, fontsize=9)
+    names = [who.replace("-", "-\n").replace(" ", "\n").replace("=", "=\n") for who in good]
+    ax.set_xticks(range(width), names, fontsize=9)
+    ax.set_yticks(range(height), lines, fontsize=9)
+    ax.invert_yaxis()
     ax.xaxis.tick_top()
     figure.colorbar(image, ax=ax, label="share solved", aspect=30)
     return figure
 
 
 def _by_material(rows: pd.DataFrame) -> Figure:
-    """A panel for each method, those of other units on lines of their own."""
+    """A panel for each method in each of the units."""
     parts = list(groups(rows, ["units", "series"]))
-    units, series = sorted(set(rows.units)), sorted(set(rows.series))
-    columns = min(4, len(series))
-    each = -(-len(series) // columns)
-    lines = each * len(units)
-    figure, axes = plt.subplots(
-        lines, columns, figsize=(max(3.0 * columns, 5.5), 2.9 * lines), layout="constrained",
-        squeeze=False, sharex=True, sharey=True,
-    )  # fmt: skip
+    figure, axes = grid(len(parts), 4, 3.0, 2.9, sharex=True, sharey=True)
     bins = int(np.clip(np.sqrt(len(rows) / len(parts) / _A_BIN), 3, _MOST_BINS))
-    across, up = (
+    edges = [
         np.geomspace(rows[name].min() * 0.999, rows[name].max() * 1.001, bins + 1)
         for name in ("friction", "beta")
-    )
+    ]
     image: Any = None
-    for ax in axes.flat:
-        ax.axis("off")
-    for (unit, who), part in parts:
-        line, column = divmod(series.index(who), columns)
-        ax = axes[units.index(unit) * each + line, column]
-        ax.axis("on")
-        tried = select(part, part.status != "skipped")
-        where = [np.log(tried.friction), np.log(tried.beta)]
-        edges = [np.log(across), np.log(up)]
+    for ax, ((units, who), part) in zip(axes, parts, strict=True):
+        tried = select(part, part.solved.notna())
+        where = tried.friction, tried.beta
         count, *_ = np.histogram2d(*where, bins=edges)
-        good, *_ = np.histogram2d(*where, bins=edges, weights=_solved(tried))
+        good, *_ = np.histogram2d(*where, bins=edges, weights=tried.solved)
         share = np.divide(good, count, out=np.full_like(good, np.nan), where=count >= _FEWEST)
-        image = ax.pcolormesh(across, up, share.T, cmap=_MAP, vmin=0, vmax=1)
+        image = ax.pcolormesh(*edges, share.T, **_LOOK)
         image.set(edgecolor="face", linewidth=0.4)  # without it viewers of SVG show seams
-        ax.set(xscale="log", yscale="log", facecolor="#dddddd")
+        ax.set(xscale="log", yscale="log", facecolor=_UNTRIED)
         even_ticks(ax.xaxis, ax.yaxis)
-        ax.tick_params(labelbottom=True)  # beside an empty place too
-        ax.set_title(f"{who}\n{unit} units", fontsize=9)
+        ax.set_title(f"{who}\n{units} units", fontsize=9)
     figure.supxlabel("friction mu/k", fontsize=10)
     figure.supylabel("bending beta", fontsize=10)
     figure.colorbar(image, ax=axes, label="share solved", shrink=0.8)
     return figure
-
-
-def _solved(rows: pd.DataFrame) -> pd.Series:
-    """Whether each task was certified, or its energy is near a certified minimum."""
-    return (rows.status == "converged") | (rows.gap_relative.abs() <= _NEAR)
-
-
-def _image(ax: Axes, share: np.ndarray):
-    """The shares as cells, first row on top, grey where nothing was tried."""
-    ax.set_facecolor("#dddddd")
-    height, width = share.shape
-    across, down = np.arange(width + 1) - 0.5, np.arange(height + 1) - 0.5
-    image = ax.pcolormesh(
-        across, down, share, cmap=_MAP, vmin=0, vmax=1, edgecolors="white", linewidth=1.5
-    )
-    ax.invert_yaxis()
-    return image

@@ -27,23 +27,11 @@ class Mark(enum.Enum):
         return self.name.lower().replace("_", " ").replace("non finite", "non-finite")
 
 
-_OF_STATUS = {
-    "converged": Mark.SOLVED,
-    "stalled": Mark.STALLED,
-    "iteration limit": Mark.ITERATION_LIMIT,
-    "out of time": Mark.OUT_OF_TIME,
-    "non-finite": Mark.NON_FINITE,
-    "infeasible": Mark.REFUSED,
-    "unresolved": Mark.REFUSED,
-    "skipped": Mark.REFUSED,
-}
-
-
 def mark_of(status: str, gap: float) -> Mark:
     """The mark of an answer whose energy lies ``gap`` above another method's certified minimum.
 
     ``gap`` is over E_free, nan where no such minimum is known.
     """
-    if status == "converged" and gap > SAME:
-        return Mark.WRONG
-    return _OF_STATUS[status]
+    if status == "converged":
+        return Mark.WRONG if gap > SAME else Mark.SOLVED
+    return {str(mark): mark for mark in Mark}.get(status, Mark.REFUSED)

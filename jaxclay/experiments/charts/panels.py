@@ -1,4 +1,4 @@
-"""What a sweep's charts draw into one panel: rows in, lines and bands on an Axes."""
+"""What charts draw into one panel: rows in, lines and bands on an Axes."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.ticker import MaxNLocator, NullLocator
+from matplotlib.ticker import NullLocator
 
+from jaxclay.experiments.charts.layout import even_ticks
 from jaxclay.experiments.charts.series import style
 from jaxclay.experiments.charts.statistics import (
-    HIGH,
-    LOW,
+    bands,
     best_settings,
     exponent,
     ladder,
@@ -24,11 +23,8 @@ from jaxclay.experiments.frames import groups
 
 GAP, CONTOUR = "gap_relative", "contour_error_continuum"
 ERRORS = {GAP: "energy gap / E_free", CONTOUR: "contour error / l, from the continuum's"}
-TIME = "time of the call (ms), compiling apart"
 ROUNDING = 1e-16  # errors below it are drawn there
-_FEWEST, _MOST = 3, 6  # marks on an axis
-_STEPS = (1, 2, 5), (1, 3), (1,)  # of marks within a decade, the densest that are not too many
-_PLAIN = 1e-3, 1e4  # within which powers of ten are written out
+_TIME = "time of the call (ms), compiling apart"
 _ROOM = 1 / 9  # of an axis, for a number of slices
 Draw = Callable[[Axes, Any], None]
 
@@ -39,17 +35,16 @@ def work_precision(error: str) -> Draw:
 
     def draw(ax: Axes, rows: pd.DataFrame) -> None:
         for series, part in groups(rows, "family"):
-            kept = part if error == GAP else best_settings(part, error, by)
-            rungs, look = ladder(kept, error, by), style(str(series))
-            milliseconds = rungs.seconds * 1e3
-            low, median, high = (
-                np.maximum(each, ROUNDING) for each in (rungs.low, rungs.median, rungs.high)
+            rungs = ladder(part if error == GAP else best_settings(part, error, by), error, by)
+            look, ms = style(str(series)), rungs.solve_s * 1e3
+            low, middle, high = (
+                rungs[name].clip(lower=ROUNDING) for name in ("low", "middle", "high")
             )
-            ax.plot(milliseconds, median, **look)
-            ax.vlines(milliseconds, low, high, color=look["color"], alpha=0.4, lw=1.5)
-            if (np.diff(milliseconds) > 0).all():  # else the band would fold
-                ax.fill_between(milliseconds, low, high, color=look["color"], alpha=0.15, lw=0)
-        ax.set(xscale="log", yscale="log", xlabel=TIME, ylabel=ERRORS[error])
+            ax.plot(ms, middle, **look)
+            ax.vlines(ms, low, high, color=look["color"], alpha=0.4, lw=1.5)
+            if (np.diff(ms) > 0).all():  # else the band would fold
+                ax.fill_between(ms, low, high, color=look["color"], alpha=0.15, lw=0)
+        ax.set(xscale="log", yscale="log", xlabel=_TIME, ylabel=ERRORS[error])
         even_ticks(ax.xaxis, ax.yaxis)
 
     return draw
@@ -63,12 +58,11 @@ def energy(ax: Axes, rows: pd.DataFrame) -> None:
         look = style(str(series))
         seconds = np.stack([*part.trace_s]) * 1e3
         gaps = np.maximum(np.stack([*part.trace_gap]), ROUNDING)
-        for each, gap in zip(seconds, gaps, strict=True):
-            ax.plot(each, gap, **(look | faint))
+        ax.plot(seconds.T, gaps.T, **(look | faint))
         # A run that has ended stays where it ended.
         middle = [pd.DataFrame(values).ffill(axis=1).median() for values in (seconds, gaps)]
         ax.plot(*middle, **(look | {"linewidth": 2.0, "markersize": 4}))
-    ax.set(xscale="log", yscale="log", xlabel=TIME, ylabel="(E - minimum) / E_free")
+    ax.set(xscale="log", yscale="log", xlabel=_TIME, ylabel="(E - minimum) / E_free")
     even_ticks(ax.xaxis, ax.yaxis)
 
 
@@ -77,25 +71,40 @@ def profile(ax: Axes, seconds: pd.DataFrame) -> None:
     curves = performance_profile(seconds)
     most = max([2.0, *(factors[-1] * 1.3 for factors, _ in curves.values())])
     for series, (factors, shares) in curves.items():
-        look = style(series) | {"marker": None, "linewidth": 1.8}
-        ax.step(np.append(factors, most), np.append(shares, shares[-1]), where="post", **look)
-    ax.set(xscale="log", xlim=(0.97, most), ylim=(-0.02, 1.04))
-    ax.set(xlabel="time / time of the quickest", ylabel="share of problems solved")
+        _steps(ax, series, np.append(factors, most), np.append(shares, shares[-1]))
+    ax.set(xscale="log", xlim=(0.97, most), xlabel="time / time of the quickest")
+    ax.set(ylim=(-0.02, 1.04), ylabel="share of problems solved")
     even_ticks(ax.xaxis)
+
+
+def distribution(error: str) -> Draw:
+    """The share of tasks whose error is below a bound."""
+
+    def draw(ax: Axes, rows: pd.DataFrame) -> None:
+        for series, part in groups(rows, "series"):
+            values = np.maximum(np.sort(part[error].abs()), ROUNDING)
+            _steps(ax, str(series), values, np.arange(1, len(values) + 1) / len(values))
+        ax.set(xscale="log", ylim=(-0.02, 1.04), xlabel=ERRORS[error], ylabel="share of tasks")
+        even_ticks(ax.xaxis)
+
+    return draw
+
+
+def _steps(ax: Axes, series: str, x: np.ndarray, y: np.ndarray) -> None:
+    ax.step(x, y, where="post", **(style(series) | {"marker": None, "linewidth": 1.8}))
 
 
 def scaling(ax: Axes, rows: pd.DataFrame) -> None:
     """Time against slices, with the exponent of the line through the logarithms."""
     ends = []
     for series, part in groups(rows, "series"):
-        bands = part.groupby("slices").solve_s.quantile([LOW, 0.5, HIGH]).unstack() * 1e3
-        look = style(str(series))
-        ax.plot(bands.index, bands[0.5], **look)
-        ax.fill_between(bands.index, bands[LOW], bands[HIGH], color=look["color"], alpha=0.15, lw=0)
-        if len(bands) > 1:
+        ms, look = bands(part, ["slices"], "solve_s") * 1e3, style(str(series))
+        ax.plot(ms.index, ms.middle, **look)
+        ax.fill_between(ms.index, ms.low, ms.high, color=look["color"], alpha=0.15, lw=0)
+        if len(ms) > 1:
             power = exponent(part.slices, part.solve_s)
-            ends.append((bands.index[-1], bands[0.5].iloc[-1], power, look["color"]))
-    ax.set(xscale="log", yscale="log", xlabel="slices n", ylabel=TIME)
+            ends.append((ms.index[-1], ms.middle.iloc[-1], power, look["color"]))
+    ax.set(xscale="log", yscale="log", xlabel="slices n", ylabel=_TIME)
     first, last = rows.slices.min(), rows.slices.max()
     span = max(2.0, last / first)
     ax.set_xlim(first / span**0.05, last * span**0.18)  # room for the exponents
@@ -120,49 +129,3 @@ def _label_ends(ax: Axes, ends: list[tuple[float, float, float, str]]) -> None:
         lower[x] = here + up
         ax.annotate(f"$n^{{{power:.2f}}}$", (x, y), textcoords="offset points", xytext=(6, up),
                     color=colour, fontsize=9, va="center")  # fmt: skip
-
-
-def distribution(error: str) -> Draw:
-    """The share of tasks whose error is below a bound."""
-
-    def draw(ax: Axes, rows: pd.DataFrame) -> None:
-        for series, part in groups(rows, "series"):
-            values = np.maximum(np.sort(part[error].abs()), ROUNDING)
-            shares = np.arange(1, len(values) + 1) / len(values)
-            look = style(str(series)) | {"marker": None, "linewidth": 1.8}
-            ax.step(values, shares, where="post", **look)
-        ax.set(xscale="log", ylim=(-0.02, 1.04), xlabel=ERRORS[error], ylabel="share of tasks")
-        even_ticks(ax.xaxis)
-
-    return draw
-
-
-def even_ticks(*axes: Axis) -> None:
-    """Numbers on logarithmic axes, few enough not to touch, whatever their range."""
-    for axis in axes:
-        marks = _marks(*axis.get_view_interval())
-        powers = np.log10(marks)
-        if np.allclose(powers, powers.round(), atol=1e-9) and not _plain(marks):
-            labels = [f"$10^{{{power:.0f}}}$" for power in powers]
-        else:
-            labels = [f"{mark:g}" for mark in marks]
-        axis.set_ticks(marks, labels)
-        axis.set_minor_locator(NullLocator())
-
-
-def _marks(low: float, high: float) -> np.ndarray:
-    """Round numbers from ``low`` to ``high``, even on a logarithmic axis."""
-    powers = np.arange(np.floor(np.log10(low)), np.floor(np.log10(high)) + 1)
-    stride = -(-len(powers) // _MOST)
-    candidates = [
-        *(np.outer(10.0**powers, steps).ravel() for steps in _STEPS),
-        10.0 ** powers[powers % stride == 0],
-        # So little of a decade is seen that its marks stand about evenly.
-        np.asarray(MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)),
-    ]
-    within = [marks[(low <= marks) & (marks <= high)] for marks in candidates]
-    return next((marks for marks in within if _FEWEST <= len(marks) <= _MOST), within[-1])
-
-
-def _plain(marks: np.ndarray) -> bool:
-    return bool(_PLAIN[0] <= marks[0] and marks[-1] <= _PLAIN[1])

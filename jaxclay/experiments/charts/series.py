@@ -14,6 +14,7 @@ from jaxclay.files.plots import COLOURS
 _MOST = 3  # settings of a method that get a line each; of a longer ladder one is taken
 SCHEMES = {"paper": "paper's sums", "equal": "equal slices", "placed": "placed slices",
            "spline": "splines"}  # fmt: skip
+DERIVED = ("way", "family", "problem", "series")  # columns that are added
 
 
 def prepared(table: pd.DataFrame) -> pd.DataFrame:
@@ -24,10 +25,12 @@ def prepared(table: pd.DataFrame) -> pd.DataFrame:
     family += np.where(table.precision == "float64", "", ", " + table.precision)
     size = table.slices.astype(str) + "-" + table.elements.astype(str)
     size += "-" + table.tolerance.astype(str) + "-" + table.degree.astype(str)
-    return table.assign(
+    found = table.assign(
         way=way, family=family, problem=table.specification + "-" + size + "-" + way,
         series=family,
     )  # fmt: skip
+    found.attrs = {}  # or pandas copies them at every step
+    return found
 
 
 def told_apart(rows: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -18,6 +17,7 @@ from matplotlib.figure import Figure
 from jaxclay.experiments.charts import panels
 from jaxclay.experiments.charts.accuracy import accuracy_charts
 from jaxclay.experiments.charts.heat import failure_charts
+from jaxclay.experiments.charts.layout import Chart, panelled
 from jaxclay.experiments.charts.maps import mark_maps
 from jaxclay.experiments.charts.panels import CONTOUR, ERRORS, GAP, ROUNDING
 from jaxclay.experiments.charts.series import default_rows, told_apart
@@ -25,7 +25,6 @@ from jaxclay.experiments.charts.statistics import HIGH, LOW, times_to_solve
 from jaxclay.experiments.frames import groups, select
 from jaxclay.files.plots import COLOURS
 
-Chart = tuple[str, str, Figure]
 _UNITS = {
     "snake": "snake units",
     "printed": "constants as printed",
@@ -45,16 +44,16 @@ _GOALS = (
 
 
 def all_charts(kind: str, rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
-    """Name, caption and figure of each chart; the caller closes the figures."""
-    tried = select(rows, ~rows.status.isin(["skipped"]))
+    """Each chart; the caller closes the figures."""
+    tried = select(rows, rows.status != "skipped")
     if tried.empty:
         return
     if kind == "timing":
         yield from accuracy_charts(tried)
         yield from timing_charts(tried, curves)
-        yield from shape_charts(tried, curves)
+        yield from _shape_charts(tried, curves)
     else:
-        yield from throughput_charts(tried)
+        yield from _throughput_charts(tried)
     yield from mark_maps(told_apart(rows))
     yield from failure_charts(told_apart(rows))
 
@@ -63,16 +62,14 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
     """The charts of timing runs."""
     timed = select(rows, (rows.solve_s > 0) & (rows.budget == 0))
     for error, known, left_out in _measured(timed):
-        known = _with_rungs(known, error)
-        by = _GRIDS if error == GAP else ["units"]
-        for where, part in _scenes(known):
+        point = "a setting of the method" if error == GAP else "a number of slices or of spans"
+        for where, part in _scenes(_with_rungs(known, error)):
             yield (
                 "work-precision" + ("-contour" if error == CONTOUR else "") + where,
-                f"Work and precision: {ERRORS[error]} against time. A point is "
-                + ("a setting of the method" if error == GAP else "a number of slices or of spans")
-                + f", at the medians over the scenes; bars, and bands where times rise from point "
-                f"to point, hold {_BAND} of them. Down and left is better. {left_out}",
-                _panels(part, by, panels.work_precision(error)),
+                f"Work and precision: {ERRORS[error]} against time. A point is {point}, at the "
+                "medians over the scenes; bars, and bands where times rise from point to point, "
+                f"hold {_BAND} of them. Down and left is better. {left_out}",
+                _panels(part, _GRIDS if error == GAP else ["units"], panels.work_precision(error)),
             )
     traced = _traced(rows, traces)
     if len(traced):
@@ -83,8 +80,7 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "energies are above that minimum, over E_free.",
             _panels(traced, _GRIDS, panels.energy),
         )
-    goals = _goals(timed)
-    if goals:
+    if goals := list(_goals(timed)):
         yield (
             "profile",
             "Performance profiles (Dolan and More): the share of problems, which are scenes on a "
@@ -92,10 +88,9 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "quickest setting that reaches the goal; for contours a problem is a scene, on "
             "whatever grid. Up and left is better. Problems without a certified minimum count as "
             "solved by none.",
-            _profiles(goals),
+            panelled(goals, panels.profile, 2, 4.8, 3.7),
         )
-    grids = told_apart(select(timed, timed.scheme != "spline"))
-    grids = select(grids, grids.slices > 0)
+    grids = told_apart(select(timed, timed.slices > 0))
     if grids.slices.nunique() > 1:
         yield (
             "scaling",
@@ -106,8 +101,8 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
         )
 
 
-def throughput_charts(rows: pd.DataFrame) -> Iterator[Chart]:
-    """The charts of throughput runs: how near the answers are; no times."""
+def _throughput_charts(rows: pd.DataFrame) -> Iterator[Chart]:
+    """How near the answers are; no times."""
     for error, known, left_out in _measured(told_apart(rows)):
         yield (
             "errors" + ("-contour" if error == CONTOUR else ""),
@@ -117,55 +112,48 @@ def throughput_charts(rows: pd.DataFrame) -> Iterator[Chart]:
         )
 
 
-def shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
+def _shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
     """Shapes before the squash, at the start, of greedy and of newton, each scene on one grid."""
     own = default_rows(rows)
     own = select(own, (own.scheme == "paper") & own.method.isin(["newton", "greedy"]))
-    own = select(own, (own.slices > 0) & (own.squashes <= 1) & (own.budget == 0))
+    own = select(own, (own.squashes <= 1) & (own.budget == 0))
+    both: Any = own.groupby(["units", "scene", "slices"]).method.transform("nunique")
+    own = select(own, both == 2)
+    where = {key: i for i, key in enumerate(curves.key.values)}
+    looks: Any = (
+        ("newton", "before", "before", {"color": COLOURS[7], "linestyle": ":"}),
+        ("newton", "start", "start (rough shape)", {"color": COLOURS[4], "linestyle": "--"}),
+        ("greedy", "contour", "greedy", {"color": COLOURS[1], "linestyle": "-."}),
+        ("newton", "contour", "minimum (newton)", {"color": COLOURS[0]}),
+    )
+
+    def draw(ax: Axes, part: pd.DataFrame) -> None:
+        keys = part.drop_duplicates("method").set_index("method").key
+        for method, what, label, look in looks:
+            r, y = (curves[f"{what}_{name}"].values[where[keys[method]]]
+                    for name in ("radius", "height"))  # fmt: skip
+            r, y = r[np.isfinite(r)], y[np.isfinite(r)]
+            ax.plot(np.append(r, -r[::-1]), np.append(y, y[::-1]), label=label, **look)
+        ax.grid(False)
+        ax.set(xlabel="radius", ylabel="height", aspect="equal")
+        ax.locator_params(axis="x", nbins=3)
+
     for units, part in groups(own, "units"):
-        if not {"newton", "greedy"} <= set(part.method) or part.scene.nunique() > _MOST_SHAPES:
-            continue
-        yield (
-            f"shapes-{units}",
-            "The shape before the squash, the start, greedy's answer and the minimum, "
-            f"{_UNITS[units]}.",
-            _shapes([least for _, each in groups(part, "scene") for least in [_coarsest(each)]],
-                    curves),
-        )  # fmt: skip
+        if part.scene.nunique() <= _MOST_SHAPES:
+            each = [(scene, _coarsest(same)) for scene, same in groups(part, "scene")]
+            titled = [(f"{scene}\n{same.slices.iloc[0]} slices", same) for scene, same in each]
+            yield (
+                f"shapes-{units}",
+                "The shape before the squash, the start, greedy's answer and the minimum, "
+                f"{_UNITS[units]}.",
+                panelled(titled, draw, 5, 3.1, 3.4),
+            )
 
 
 def _coarsest(rows: pd.DataFrame) -> pd.DataFrame:
-    sizes = rows.groupby("slices").method.nunique()
-    both = sizes[sizes == sizes.max()].index
-    preferred = [n for n in both if n >= 64]
-    return select(rows, rows.slices == min(preferred or both))
-
-
-def _shapes(parts: list[pd.DataFrame], curves: xr.Dataset) -> Figure:
-    where = {key: i for i, key in enumerate(curves.key.values)}
-    figure, axes = _grid(len(parts), min(5, len(parts)), 3.1, 3.4)
-    for ax, part in zip(axes.flat, parts, strict=False):
-        newton = where[part.key[part.method == "newton"].iloc[0]]
-        greedy = where[part.key[part.method == "greedy"].iloc[0]]
-        _outline(ax, curves, newton, "before", "before", color=COLOURS[7], linestyle=":")
-        _outline(ax, curves, newton, "start", "start (rough shape)", color=COLOURS[4],
-                 linestyle="--")  # fmt: skip
-        _outline(ax, curves, greedy, "contour", "greedy", color=COLOURS[1], linestyle="-.")
-        _outline(ax, curves, newton, "contour", "minimum (newton)", color=COLOURS[0])
-        first = part.iloc[0]
-        ax.set_title(f"{first.scene}\n{first.slices} slices", fontsize=9)
-        ax.set(xlabel="radius", ylabel="height", aspect="equal")
-        ax.locator_params(axis="x", nbins=3)
-    _legend(figure, axes)
-    return figure
-
-
-def _outline(ax: Axes, curves: xr.Dataset, i: int, name: str, label: str, **look: Any) -> None:
-    """Both halves of a contour of slices."""
-    radii, heights = (curves[f"{name}_{what}"].values[i] for what in ("radius", "height"))
-    known = np.isfinite(radii)
-    radii, heights = radii[known], heights[known]
-    ax.plot(np.append(radii, -radii[::-1]), np.append(heights, heights[::-1]), label=label, **look)
+    """On the fewest slices, if they can be from 64 up."""
+    sizes = set(rows.slices)
+    return select(rows, rows.slices == min([n for n in sizes if n >= 64] or sizes))
 
 
 def _with_rungs(rows: pd.DataFrame, error: str) -> pd.DataFrame:
@@ -188,86 +176,43 @@ def _measured(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str]]:
     for error in ERRORS:
         those = _comparable(rows, error)
         known = select(those, those[error].notna())
+        left = len(those) - len(known)
         if len(known):
-            left = len(those) - len(known)
             yield error, known, f"{left} tasks have no certified minimum." if left else ""
 
 
 def _traced(rows: pd.DataFrame, traces: xr.Dataset) -> pd.DataFrame:
     """The rows that have a trace, certified, with its times and gaps."""
-    known = select(rows, rows.energy_minimum.notna() & (rows.energy_free > 0))
-    known = told_apart(known)
+    known = told_apart(select(rows, rows.energy_minimum.notna() & (rows.energy_free > 0)))
     where = {key: i for i, key in enumerate(traces.key.values)}
-    seconds, energy = traces.trace_s.values, traces.trace_energy.values
     places = np.array([where[key] for key in known.key], int)
-    has = np.isfinite(seconds[places]).any(axis=1)
-    known, places = select(known, has), places[has]
-    above = energy[places] - known.energy_minimum.to_numpy()[:, None]
+    seconds, energy = traces.trace_s.values[places], traces.trace_energy.values[places]
+    above = energy - known.energy_minimum.to_numpy()[:, None]
     gaps = above / known.energy_free.to_numpy()[:, None]
-    return known.assign(trace_s=list(seconds[places]), trace_gap=list(gaps))
+    found = known.assign(trace_s=list(seconds), trace_gap=list(gaps))
+    return select(found, np.isfinite(seconds).any(axis=1))
 
 
-def _panels(rows: pd.DataFrame, by: list[str], draw: Callable[..., None]) -> Figure:
-    """A panel for each value of the columns ``by``, one legend for all."""
-    parts = sorted(
-        groups(rows, by), key=lambda part: (list(_UNITS).index(part[0][0]), *part[0][1:])
-    )
-    columns = min(3, len(parts))
-    figure, axes = _grid(len(parts), columns, max(4.6, 6.0 / columns), 3.9)
-    for ax, (values, part) in zip(axes.flat, parts, strict=False):
-        ax.set_title(_title(dict(zip(by, values, strict=True))), fontsize=10)
-        ax.grid(True, which="major", alpha=0.3)
-        draw(ax, part)
-    _legend(figure, axes)
-    return figure
+def _panels(rows: pd.DataFrame, by: list[str], draw: Callable[[Axes, Any], None]) -> Figure:
+    """A panel for each value of the columns ``by``, units first."""
+    order = list(_UNITS).index
+    parts = sorted(groups(rows, by), key=lambda part: (order(part[0][0]), *part[0][1:]))
+    titles = [
+        ", ".join([_UNITS[units], *(f"{n} slices" if n else "splines" for n in slices)])
+        for (units, *slices), _ in parts
+    ]
+    titled = [(title, part) for title, (_, part) in zip(titles, parts, strict=True)]
+    return panelled(titled, draw, 3, max(4.6, 6.0 / min(3, len(parts))), 3.9)
 
 
-def _profiles(goals: list[tuple[str, pd.DataFrame]]) -> Figure:
-    """A panel for each goal, given its title and the times to it."""
-    figure, axes = _grid(len(goals), min(2, len(goals)), 4.8, 3.7)
-    for ax, (title, seconds) in zip(axes.flat, goals, strict=False):
-        panels.profile(ax, seconds)
-        ax.set_title(title, fontsize=10)
-        ax.grid(True, alpha=0.3)
-    _legend(figure, axes)
-    return figure
-
-
-def _goals(rows: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def _goals(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """The goals that two methods or more can be compared by: title, and times to reach it."""
-    found = []
     for error, within, problem, title in _GOALS:
         those = _comparable(rows, error)
         if select(those, those[error].notna()).family.nunique() > 1:
-            found.append((title, times_to_solve(those, error, within, problem)))
-    return found
+            yield title, times_to_solve(those, error, within, problem)
 
 
 def _comparable(rows: pd.DataFrame, error: str) -> pd.DataFrame:
     """Splines minimise the integral, not the sum: their energies are compared with none."""
     return select(rows, rows.scheme != "spline") if error == GAP else rows
-
-
-def _grid(count: int, columns: int, width: float, height: float) -> tuple[Figure, np.ndarray]:
-    lines = -(-count // columns)
-    size = width * columns, height * lines
-    figure, axes = plt.subplots(lines, columns, figsize=size, layout="constrained", squeeze=False)
-    for ax in axes.flat[count:]:
-        ax.axis("off")
-    return figure, axes
-
-
-def _legend(figure: Figure, axes: np.ndarray) -> None:
-    shown = {str(h.get_label()): h for ax in axes.flat for h in ax.get_legend_handles_labels()[0]}
-    names = sorted(shown)  # whichever of them the first panel has
-    figure.legend(
-        [shown[name] for name in names], names, loc="outside lower center", ncols=4,
-        fontsize="small",
-    )  # fmt: skip
-
-
-def _title(values: dict[str, Any]) -> str:
-    words = [_UNITS[values["units"]]]
-    if "slices" in values:
-        words.append(f"{values['slices']} slices" if values["slices"] else "splines")
-    return ", ".join(words)

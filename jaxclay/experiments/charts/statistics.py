@@ -1,52 +1,40 @@
-"""Figures that sum a population up: quantiles, shifted means, profiles, exponents."""
+"""Figures that sum a population up: quantiles, performance profiles, exponents."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from jaxclay.experiments.frames import groups, select
+from jaxclay.experiments.frames import select
 
 LOW, HIGH = 0.1, 0.9  # the band around a median
-# Seconds added before a geometric mean, and taken off after: about the quickest method's time.
-SHIFT = 1e-4
 
 
-class Ladder(NamedTuple):
-    """Median time and the band of the errors for each rung of a method's ladder, (r,) each."""
+def bands(rows: pd.DataFrame, by: list[str], column: str, **others: Any) -> pd.DataFrame:
+    """Columns low, middle and high of a column's size, and ``others``, a row for each group."""
+    sized = select(rows, rows[column].notna()).assign(sized=lambda kept: kept[column].abs())
+    return sized.groupby(by, dropna=False).agg(
+        low=("sized", lambda values: values.quantile(LOW)),
+        middle=("sized", "median"),
+        high=("sized", lambda values: values.quantile(HIGH)),
+        **others,
+    )
 
-    seconds: np.ndarray
-    low: np.ndarray
-    median: np.ndarray
-    high: np.ndarray
 
-
-def ladder(rows: pd.DataFrame, error: str, by: list[str]) -> Ladder:
-    """The rungs from the largest median error down, one for each value of the columns ``by``."""
-    rungs = [
-        (group.solve_s.median(), *(group[error].abs().quantile(q) for q in (LOW, 0.5, HIGH)))
-        for _, group in groups(select(rows, rows[error].notna()), by)
-    ]
-    rungs.sort(key=lambda rung: (-rung[2], rung[0]))
-    return Ladder(*np.array(rungs).reshape(-1, 4).T)
+def ladder(rows: pd.DataFrame, error: str, by: list[str]) -> pd.DataFrame:
+    """Seconds and the band of the errors for each value of ``by``, from the largest error down."""
+    rungs = bands(rows, by, error, solve_s=("solve_s", "median"))
+    order = rungs.sort_values(["middle", "solve_s"], ascending=[False, True])
+    return order.reset_index()
 
 
 def best_settings(rows: pd.DataFrame, error: str, by: list[str]) -> pd.DataFrame:
     """The rows of the setting with the least median error, for each value of the columns ``by``."""
-    medians = rows.groupby([*by, "settings"])[error].agg(lambda e: e.abs().median())
-    best = medians.reset_index().sort_values(error).drop_duplicates(subset=by)
+    medians = bands(rows, [*by, "settings"], error).reset_index()
+    best = medians.sort_values("middle").drop_duplicates(subset=by)
     return rows.merge(best[[*by, "settings"]], on=[*by, "settings"])
-
-
-def shifted_geometric_mean(seconds: Any, shift: float = SHIFT) -> float:
-    """exp(mean(log(t + shift))) - shift: outliers on either side weigh little."""
-    seconds = np.asarray(seconds, float)
-    seconds = seconds[np.isfinite(seconds)]
-    if not seconds.size:
-        return float("nan")
-    return float(np.exp(np.mean(np.log(seconds + shift))) - shift)
 
 
 def performance_profile(seconds: pd.DataFrame) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -70,8 +58,7 @@ def performance_profile(seconds: pd.DataFrame) -> dict[str, tuple[np.ndarray, np
     for name in ratio:
         factors = np.sort(ratio[name].dropna().to_numpy())
         steps = np.unique(np.append(1.0, factors))
-        shares = np.searchsorted(factors, steps, side="right") / len(ratio)
-        curves[str(name)] = steps, shares
+        curves[str(name)] = steps, np.searchsorted(factors, steps, side="right") / len(ratio)
     return curves
 
 

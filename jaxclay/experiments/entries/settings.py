@@ -13,29 +13,27 @@ from jaxclay.experiments.peers import PEERS
 from jaxclay.methods import METHODS
 from jaxclay.methods.choice import method_settings, spline_settings
 
-LIMITS = ("max_iterations", "tolerance")  # what peers take
+_LIMITS = ("max_iterations", "tolerance")  # what peers take
 _MOST = 10_000  # combinations
 
 
 def checked_settings(method: str, settings: dict[str, Values]) -> dict[str, Values]:
     """The settings, ints where the method counts with them.
 
-    Raises
-    ------
-    MistakeAt
-        The setting that is wrong, or none where they are only together.
+    Raises MistakeAt: The setting that is wrong, or none where they are only together.
     """
     found = {}
     for name, values in settings.items():
         try:
-            found[name] = _numbers(method, name, values)
+            if values.random or isinstance(all_settings(method, {}).get(name), int):
+                values = as_whole(values)  # which refuses what is drawn
         except ValueError as error:
             raise MistakeAt((name,), str(error)) from None
+        found[name] = values
     count = math.prod(len(values.entries) for values in found.values())
     if count > _MOST:
         raise ValueError(f"{count} combinations of settings: at most {_MOST} can be run")
-    for each in itertools.product(*(values.fixed() for values in found.values())):
-        combination = dict(zip(found, each, strict=True))
+    for combination in combinations(found):
         try:
             all_settings(method, combination)
         except ValueError as error:
@@ -43,29 +41,23 @@ def checked_settings(method: str, settings: dict[str, Values]) -> dict[str, Valu
     return found
 
 
-def _numbers(method: str, name: str, values: Values) -> Values:
-    """The setting's numbers; whole if its default is."""
-    if values.random:
-        raise ValueError("cannot be drawn at random: give a number, a list or a range")
-    whole = isinstance(all_settings(method, {}).get(name), int)
-    return as_whole(values) if whole else values
+def combinations(settings: dict[str, Values]) -> list[dict[str, float]]:
+    """Every choice of one number for each setting."""
+    values = itertools.product(*(values.fixed() for values in settings.values()))
+    return [dict(zip(settings, each, strict=True)) for each in values]
 
 
 def all_settings(method: str, chosen: dict[str, Any], scheme: str = "paper") -> dict[str, Any]:
     """The settings of a method or a peer by name, its defaults filled in.
 
-    Raises
-    ------
-    ValueError
-        A setting that it does not have, or a value that it does not take.
+    Raises ValueError: A setting that it does not have, or a value that it does not take.
     """
     if method in PEERS:
-        limits = PEERS[method].limits
-        wrong = [name for name in chosen if name not in LIMITS]
-        if wrong:
-            message = f"{method} has no setting {wrong[0]!r}: it takes {', '.join(LIMITS)}"
-            raise ValueError(message)
-        return {name: getattr(limits, name) for name in LIMITS} | chosen
+        for name in chosen:
+            if name not in _LIMITS:
+                message = f"{method} has no setting {name!r}: it takes {', '.join(_LIMITS)}"
+                raise ValueError(message)
+        return {name: getattr(PEERS[method].limits, name) for name in _LIMITS} | chosen
     settings = (spline_settings if scheme == "spline" else method_settings)(method, chosen)
     return {f.name: getattr(settings, f.name) for f in dataclasses.fields(METHODS[method].settings)}
 

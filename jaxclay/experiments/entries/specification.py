@@ -7,14 +7,14 @@ import functools
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxclay.clay.clay import Clay
-from jaxclay.experiments.entries.tables import CylinderTable, ScenesTable, SquashTable
+from jaxclay.experiments.entries.scenes import CylinderTable, ScenesTable, SquashTable, Table
 from jaxclay.experiments.entries.values import Values
 from jaxclay.experiments.scenes import Scene, packaged_scenes, profile_scene
 from jaxclay.files.profiles import PROFILES, loaded
@@ -34,7 +34,7 @@ class _Piece(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Band:
-    """A squash over the lengths of its piece; see :mod:`jaxclay.experiments.entries.tables`."""
+    """A squash over the lengths of its piece; see :mod:`jaxclay.experiments.entries.scenes`."""
 
     bottom: float
     height: float
@@ -44,45 +44,22 @@ class Band:
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """A scene by its numbers.
+    """A scene by its numbers."""
 
-    Attributes
-    ----------
-    name : str
-        A packaged scene's, "cylinder" or a profile's.
-    number : int
-        Among the scenes of its table, 0 for packaged scenes; not part of what is solved.
-    source : str
-        "scene" for a packaged one, "cylinder", or a packaged profile or the path of a CSV file.
-    digest : str
-        Of a CSV file's bytes: the same name with another content is another scene.
-    radius, height : float
-        Of a cylinder.
-    minimum_radius : float
-        Of a profile; 0 where its radii are as they are.
-    place : str
-        Of the squash of a profile, "middle" or "shoulder", "" where bands say it.
-    bands : tuple of Band
-        A succession; what is solved is the last.
-    k, mu, alpha, beta : float
-    units : str
-        Of alpha and beta, "snake", "printed" or "move".
-    """
-
-    name: str
-    number: int
-    source: str
-    digest: str
-    radius: float
+    name: str  # a packaged scene's, "cylinder" or a profile's
+    number: int  # among the scenes of its table, 0 for packaged ones; not part of what is solved
+    source: str  # "scene" for a packaged one, "cylinder", a packaged profile or a CSV file's path
+    digest: str  # of a CSV file's bytes: the same name with another content is another scene
+    radius: float  # of a cylinder
     height: float
-    minimum_radius: float
-    place: str
-    bands: tuple[Band, ...]
+    minimum_radius: float  # of a profile; 0 where its radii are as they are
+    place: str  # of the squash of a profile, "middle" or "shoulder", "" where bands say it
+    bands: tuple[Band, ...]  # a succession; what is solved is the last
     k: float
     mu: float
     alpha: float
     beta: float
-    units: str
+    units: str  # of alpha and beta, "snake", "printed" or "move"
 
     @functools.cached_property
     def key(self) -> str:
@@ -95,10 +72,7 @@ class Specification:
     def scene(self) -> Scene:
         """The scene, its squashes in the piece's own length unit.
 
-        Raises
-        ------
-        OSError
-            A CSV file cannot be read, or is no longer what it was.
+        Raises OSError: A CSV file cannot be read, or is no longer what it was.
         """
         if self.source == "scene":
             return packaged_scenes()[self.name]
@@ -125,8 +99,6 @@ def specifications(tables: list[ScenesTable], seed: int) -> Iterator[list[Specif
     for table in tables:
         if table.names is not None:
             yield list(_packaged(table, table.names))
-        elif table.places is not None:
-            yield list(_placed(table, table.places))
         elif table.draws is None:
             yield list(_products(table))
         else:
@@ -140,38 +112,28 @@ def hashed(inputs: Any) -> str:
 
 def _packaged(table: ScenesTable, names: list[str]) -> Iterator[Specification]:
     known = packaged_scenes()
-    for name in names:
-        scene = known[name]
-        for units in table.units:
-            if units in scene.units:
-                constants = scene.k, scene.mu, 1.0, 1.0
-                yield Specification(name, 0, "scene", "", 0.0, 0.0, 0.0, "", (), *constants, units)
-
-
-def _placed(table: ScenesTable, places: Sequence[str]) -> Iterator[Specification]:
-    everything = itertools.product(_profiles(table), places, _materials(table), table.units)
-    for piece, place, constants, units in everything:
-        made = _specification(table, 0, piece, (), constants, units)
-        yield dataclasses.replace(made, name=f"{made.name}-{place}", place=place)
+    for name, units in itertools.product(names, table.units):
+        if units in known[name].units:
+            constants = known[name].k, known[name].mu, 1.0, 1.0
+            yield Specification(name, 0, "scene", "", 0.0, 0.0, 0.0, "", (), *constants, units)
 
 
 def _products(table: ScenesTable) -> Iterator[Specification]:
-    """All combinations of the pieces, the squashes' numbers, the materials' and the units."""
-    bands = [
-        [
-            _band(squash, bottom, height, reach)
-            for bottom, height, reach in _combined(squash.bottom, squash.height, _reach(squash))
-        ]
-        for squash in table.squash or ()
-    ]
+    """All combinations of the pieces, the squashes' numbers or places, the materials' and units."""
     pieces = _profiles(table)
     if table.cylinders is not None:
-        sizes = _combined(table.cylinders.radius, table.cylinders.height)
-        pieces += [_Piece("cylinder", "", *size) for size in sizes]
-    everything = itertools.product(pieces, itertools.product(*bands), _materials(table))
-    for number, (piece, succession, constants) in enumerate(everything):
+        pieces += [_Piece("cylinder", "", *size) for size in _combined(table.cylinders)]
+    bands = [[_band(squash, *each) for each in _combined(squash)] for squash in table.squash or ()]
+    everything = itertools.product(
+        pieces, table.places or ("",), itertools.product(*bands), _combined(table.material)
+    )
+    for number, (piece, place, succession, constants) in enumerate(everything):
         for units in table.units:
-            yield _specification(table, number, piece, succession, constants, units)
+            made = _specification(
+                table, 0 if place else number, piece, succession, constants, units
+            )
+            name = f"{made.name}-{place}" if place else made.name
+            yield dataclasses.replace(made, name=name, place=place)
 
 
 def _drawn(table: ScenesTable, seed: int) -> Iterator[Specification]:
@@ -180,38 +142,30 @@ def _drawn(table: ScenesTable, seed: int) -> Iterator[Specification]:
     Each has a generator of its own, seeded by what the table says but for how many.
     """
     pieces: list[_Piece | CylinderTable] = [*_profiles(table)]
+    named = [piece.digest or piece.source for piece in _profiles(table)]
     pieces += [table.cylinders] if table.cylinders else []
     content = table.model_dump(exclude={"draws", "profiles"}, mode="python")
-    named = [piece.digest or piece.source for piece in _profiles(table)]
     digest = int(hashed([repr(content), named])[:16], 16)
-    m = table.material
     for number in range(table.draws or 0):
         rng = np.random.default_rng([seed, digest, number])
         piece = pieces[int(rng.integers(len(pieces)))]
         if isinstance(piece, CylinderTable):
-            piece = _Piece("cylinder", "", piece.radius.drawn(rng), piece.height.drawn(rng))
+            piece = _Piece("cylinder", "", *(value.drawn(rng) for value in _values(piece)))
         succession = tuple(
-            _band(one, one.bottom.drawn(rng), one.height.drawn(rng), _reach(one).drawn(rng))
-            for one in table.squash or ()
+            _band(one, *(value.drawn(rng) for value in _values(one))) for one in table.squash or ()
         )
-        constants = m.k.drawn(rng), m.mu.drawn(rng), m.alpha.drawn(rng), m.beta.drawn(rng)
+        constants = tuple(value.drawn(rng) for value in _values(table.material))
         units = table.units[int(rng.integers(len(table.units)))]
         yield _specification(table, number, piece, succession, constants, units)
 
 
-def _combined(*values: Values) -> list[tuple[float, ...]]:
-    return list(itertools.product(*(value.fixed() for value in values)))
+def _values(table: Table) -> list[Values]:
+    """The numbers of a table in their order: of a squash those of a ratio or a displacement."""
+    return [value for _, value in table if isinstance(value, Values)]
 
 
-def _materials(table: ScenesTable) -> list[tuple[float, ...]]:
-    m = table.material
-    return _combined(m.k, m.mu, m.alpha, m.beta)
-
-
-def _reach(squash: SquashTable) -> Values:
-    found = squash.ratio if squash.displacement is None else squash.displacement
-    assert found is not None  # the table has been checked
-    return found
+def _combined(table: Table) -> list[tuple[float, ...]]:
+    return list(itertools.product(*(value.fixed() for value in _values(table))))
 
 
 def _band(squash: SquashTable, bottom: float, height: float, reach: float) -> Band:
@@ -228,10 +182,10 @@ def _profiles(table: ScenesTable) -> list[_Piece]:
 
 def _specification(table, number, piece: _Piece, succession, constants, units) -> Specification:
     name = piece.source if piece.source == "cylinder" else Path(piece.source).stem
-    k, mu, alpha, beta = constants
+    least, (k, mu, alpha, beta) = table.minimum_radius or 0.0, constants
     return Specification(
-        name, number, *piece, table.minimum_radius or 0.0, "", succession, k, mu, alpha, beta, units
-    )
+        name, number, *piece, least, "", succession, k, mu, alpha, beta, units
+    )  # fmt: skip
 
 
 def _digest(source: str) -> str:

@@ -25,7 +25,6 @@ _FORMS = (
     "a number, a list, { from = A, to = B, count = N }, with spacing = \"log\" if wanted, "
     "{ uniform = [A, B] } or { log_uniform = [A, B] }"
 )  # fmt: skip
-_DRAWS = ("uniform", "log_uniform")
 _MOST = 10_000  # numbers of a range
 
 
@@ -56,9 +55,10 @@ class Values:
         return any(isinstance(entry, Draw) for entry in self.entries)
 
     @property
-    def highest(self) -> float:
-        """The largest that there is, or may be drawn."""
-        return max(entry.high if isinstance(entry, Draw) else entry for entry in self.entries)
+    def ends(self) -> list[float]:
+        """The numbers, and the ends of what is drawn."""
+        pairs = ((e.low, e.high) if isinstance(e, Draw) else (e,) for e in self.entries)
+        return [value for pair in pairs for value in pair]
 
     def fixed(self) -> list[float]:
         """The numbers, where none has to be drawn."""
@@ -70,16 +70,16 @@ class Values:
         return entry.value(rng) if isinstance(entry, Draw) else entry
 
 
-def numbers(low: float, high: float = float("inf"), *, above: bool = False) -> Any:
+def numbers(low: float, high: float = math.inf, *, above: bool = False) -> Any:
     """The type of a key whose numbers lie between ``low`` and ``high``, or ``above`` low."""
+    allowed = f"above {low:g}" if above else f"at least {low:g}"
+    allowed += f", at most {high:g}" if high < math.inf else ""
 
     def check(raw: Any) -> Values:
         found = raw if isinstance(raw, Values) else Values(tuple(_entries(raw)))
-        for entry in found.entries:
-            ends = (entry.low, entry.high) if isinstance(entry, Draw) else (entry,)
-            for value in ends:
-                if not (low < value if above else low <= value) or not value <= high:
-                    raise ValueError(f"{value:g} is out of range: {_allowed(low, high, above)}")
+        for value in found.ends:
+            if not (low < value if above else low <= value) or not value <= high:
+                raise ValueError(f"{value:g} is out of range: it must be {allowed}")
         return found
 
     return Annotated[Values, BeforeValidator(check)]
@@ -89,10 +89,11 @@ def whole_numbers(low: int, high: int) -> Any:
     """The same for numbers that must be whole, as those of slices; nothing can be drawn."""
 
     def check(raw: Any) -> Values:
-        found = as_whole(Values(tuple(_entries(raw))), f" between {low} and {high}")
+        allowed = f" between {low} and {high}"
+        found = raw if isinstance(raw, Values) else as_whole(Values(tuple(_entries(raw))), allowed)
         for value in found.fixed():
             if not low <= value <= high:
-                raise ValueError(f"{value:g} is not a whole number between {low} and {high}")
+                raise ValueError(f"{value:g} is not a whole number{allowed}")
         return Values(tuple(sorted({*found.fixed()})))
 
     return Annotated[Values, BeforeValidator(check)]
@@ -108,64 +109,52 @@ def as_whole(values: Values, allowed: str = "") -> Values:
     return Values(tuple(int(value) for value in values.fixed()))
 
 
-def _allowed(low: float, high: float, above: bool) -> str:
-    least = f"above {low:g}" if above else f"at least {low:g}"
-    return (
-        f"it must be {least}" if high == float("inf") else f"it must be {least}, at most {high:g}"
-    )
-
-
 def _entries(raw: Any) -> list[float | Draw]:
-    if isinstance(raw, list):
-        if not raw:
+    match raw:
+        case []:
             raise ValueError("an empty list: nothing would be run")
-        return [entry for one in raw for entry in _entries(one)]
-    if isinstance(raw, dict):
-        return _from_table(raw)
-    value = _finite(raw)
-    if value is None:
+        case list():
+            return [entry for one in raw for entry in _entries(one)]
+        case {"uniform": ends} if len(raw) == 1:
+            return [Draw(*_rising("uniform takes", ends), False)]
+        case {"log_uniform": ends} if len(raw) == 1:
+            return [Draw(*_rising("log_uniform takes", ends, above=0.0), True)]
+        case {"from": low, "to": high, "count": count, **more} if more.keys() <= {"spacing"}:
+            return _range([low, high], count, **more)
+        case dict():
+            raise ValueError(f"a table with the keys {', '.join(raw) or 'none'}: give {_FORMS}")
+    if not _is_finite(raw):
         raise ValueError(f"{raw!r} is not a finite number: give {_FORMS}")
-    return [value]
+    return [float(raw)]
 
 
-def _finite(raw: Any) -> float | None:
-    """The number as a float; None of what is none, or too large for a float."""
-    if isinstance(raw, bool) or not isinstance(raw, int | float):
-        return None
-    try:
-        value = float(raw)
-    except OverflowError:
-        return None
-    return value if math.isfinite(value) else None
-
-
-def _from_table(raw: dict[str, Any]) -> list[float | Draw]:
-    if len(raw) == 1 and next(iter(raw)) in _DRAWS:
-        ((kind, ends),) = raw.items()
-        pair = _pair(ends) if isinstance(ends, list) else None
-        if pair is None or pair[0] >= pair[1] or (kind == "log_uniform" and pair[0] <= 0):
-            positive = ", both positive" if kind == "log_uniform" else ""
-            raise ValueError(f"{kind} takes two numbers that rise{positive}, not {ends!r}")
-        return [Draw(*pair, kind == "log_uniform")]
-    if not {"from", "to", "count"} <= set(raw) <= {"from", "to", "count", "spacing"}:
-        raise ValueError(f"a table with the keys {', '.join(raw) or 'none'}: give {_FORMS}")
-    ends, count = [raw["from"], raw["to"]], raw["count"]
-    spacing = raw.get("spacing", "linear")
+def _range(ends: list[Any], count: Any, spacing: Any = "linear") -> list[float | Draw]:
     if spacing not in ("linear", "log"):
         raise ValueError(f'spacing must be "linear" or "log", not {spacing!r}')
     if not isinstance(count, int) or isinstance(count, bool) or not 1 <= count <= _MOST:
         raise ValueError(
             f"count must be a whole number of at least 1, at most {_MOST}, not {count!r}"
         )
-    pair = _pair(ends)
-    if pair is None or pair[0] > pair[1] or (spacing == "log" and pair[0] <= 0):
-        positive = ", both positive" if spacing == "log" else ""
-        raise ValueError(f"from and to must be numbers that rise{positive}, not {ends!r}")
+    low, high = _rising("from and to are", ends, 0.0 if spacing == "log" else -math.inf, True)
     between = np.geomspace if spacing == "log" else np.linspace
-    return [float(value) for value in between(*pair, count)]
+    return [float(value) for value in between(low, high, count)]
 
 
-def _pair(ends: list[Any]) -> tuple[float, float] | None:
-    """The ends of a range, None where they are not two finite numbers."""
-    found = [value for end in ends if (value := _finite(end)) is not None]
-    return (found[0], found[1]) if len(found) == len(ends) == 2 else None
+def _rising(name: str, ends: Any, above: float = -math.inf, equal: bool = False):
+    """Two finite numbers, the first below the second, or ``equal`` to it."""
+    if isinstance(ends, list) and len(ends) == 2 and all(map(_is_finite, ends)):
+        low, high = map(float, ends)
+        if above < low and (low < high or (equal and low == high)):
+            return low, high
+    positive = ", both positive" if above == 0 else ""
+    raise ValueError(f"{name} two finite numbers that rise{positive}, not {ends!r}")
+
+
+def _is_finite(raw: Any) -> bool:
+    """Whether it is a number that a float can hold."""
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        return False
+    try:
+        return math.isfinite(raw)
+    except OverflowError:
+        return False

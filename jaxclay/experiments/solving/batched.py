@@ -8,7 +8,6 @@ compiles anew nor computes more than it needs.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -24,7 +23,6 @@ from jaxclay.solve.minimize import minimize
 from jaxclay.solve.solution import Solution
 
 CAPACITY = 256  # problems of one call
-_Shape = tuple[tuple[str, Any], ...]
 
 
 def minimized(
@@ -44,19 +42,18 @@ def minimized(
     return [answers[i] for i in range(len(problems))]
 
 
-def _solved(pairs: list[tuple[Problem, dict]], method: str, shape: _Shape) -> Iterator[Solution]:
+def _solved(pairs: list[tuple[Problem, dict]], method: str, shape: tuple) -> list[Solution]:
     let_go()
     with jax.enable_x64(True):
         found = _many.whole(
             *stack(pairs, CAPACITY), np.array(len(pairs)), method=method, shape=shape
         )
-        return unstack(jax.tree.map(np.asarray, found), len(pairs))
+    leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, found))
+    return [jax.tree.unflatten(structure, [leaf[i] for leaf in leaves]) for i in range(len(pairs))]
 
 
 @compiled("method", "shape")
-def _many(
-    problems: Problem, settings: Any, count: Array, *, method: str, shape: _Shape
-) -> Solution:
+def _many(problems: Problem, settings: Any, count: Array, *, method: str, shape: tuple) -> Solution:
     """The first ``count`` answers."""
 
     def one(i):
@@ -71,16 +68,8 @@ def _many(
     return jax.lax.fori_loop(0, count, put, empty)
 
 
-def unstack(tree: Any, count: int) -> Iterator[Any]:
-    """The first ``count`` trees of a stack."""
-    leaves, structure = jax.tree.flatten(tree)
-    for i in range(count):
-        yield jax.tree.unflatten(structure, [leaf[i] for leaf in leaves])
-
-
-def _apart(settings: Any) -> tuple[dict[str, float], _Shape]:
+def _apart(settings: Any) -> tuple[dict[str, float], tuple]:
     """Settings that are arguments of a compiled call, and those that it is compiled for."""
-    fields = dataclasses.fields(settings)
-    shape = tuple((f.name, getattr(settings, f.name)) for f in fields if f.metadata.get("static"))
-    fixed = dict(shape)
-    return {f.name: float(getattr(settings, f.name)) for f in fields if f.name not in fixed}, shape
+    values = {f: getattr(settings, f.name) for f in dataclasses.fields(settings)}
+    free = {f.name: float(v) for f, v in values.items() if not f.metadata.get("static")}
+    return free, tuple((f.name, v) for f, v in values.items() if f.name not in free)

@@ -8,7 +8,7 @@ its limit early.  What is out of time has run for all of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,24 +23,19 @@ _NEARLY = 0.9  # of its time: a run that took that much had all of it
 _speeds: dict[Hashable, float] = {}  # iterations in a second, by program
 
 
-class Attempt(NamedTuple):
-    """The answer of the last run, its times, and whether its time ended it."""
-
-    answer: Solution
-    times: Times
-    late: bool
-
-
 def attempt(
-    ready: Callable[[dict[str, Any]], Ready], program: Hashable, seconds: float, most: int | None
-) -> Attempt:
-    """The best answer within the time; ``most`` iterations are allowed whatever the time."""
+    ready: Callable[[dict[str, Any]], Ready], program: Hashable, seconds: float, most: float
+) -> tuple[Solution, Times, bool]:
+    """The best answer within the time, its times, and whether its time ended it.
+
+    ``most`` iterations are allowed whatever the time.
+    """
     if program not in _speeds:
         compiled(program, ready({"max_iterations": 1}).call)
         _speeds[program] = _FIRST / seconds
     limit = max(int(_speeds[program] * seconds), 1)
     while True:
-        limit = limit if most is None else min(limit, most)
+        limit = int(min(limit, most))
         now = ready({"max_iterations": limit})
         outcome, taken = compiled(program, now.call)
         answer = now.certified(outcome)
@@ -49,6 +44,5 @@ def attempt(
         ended = iterations < limit or limit == most
         if ended or taken >= _NEARLY * seconds:
             times = Times(taken, taken, taken, compile_s(program), repeats=1, batch=1)
-            late = not ended and answer.status is Status.ITERATION_LIMIT
-            return Attempt(answer, times, late)
+            return answer, times, not ended and answer.status is Status.ITERATION_LIMIT
         limit = int(limit * np.clip(seconds / taken, 1.2, _MOST_GROWTH)) + 1

@@ -14,8 +14,8 @@ import jax
 import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 
-_LONG = 0.1  # seconds: a run longer than that is made twice only
-_VERY_LONG = 0.3  # seconds: and longer than that, once
+_LONG = 0.05  # seconds: a run longer than that is made twice only
+_VERY_LONG = 0.15  # seconds: and longer than that, once
 _ENOUGH = 0.02  # seconds of repeats that short runs get
 _MOST_REPEATS = 25
 _MOST_COMPILING = 5  # calls in which JAX may compile before one is taken as it is
@@ -40,38 +40,37 @@ class Times(NamedTuple):
     trace_energy: np.ndarray = _NONE
 
 
-_compilations = [0]  # of this process
+_spent = [0.0]  # seconds that JAX says it has compiled for in this process
 _compiling: dict[Hashable, float] = {}  # seconds by program
 
 
-def _count(event: str, duration_secs: float, **_: Any) -> None:
-    _compilations[0] += event == "/jax/core/compile/backend_compile_duration"
+def _add(event: str, duration_secs: float, **_: Any) -> None:
+    _spent[0] += duration_secs if event.startswith("/jax/core/compile/") else 0.0
 
 
-jax.monitoring.register_event_duration_secs_listener(_count)
+jax.monitoring.register_event_duration_secs_listener(_add)
 
 
-def clocked(call: Callable[[], Any]) -> tuple[Any, float, bool]:
-    """What a call returns, its seconds, and whether JAX compiled."""
-    before, begin = _compilations[0], time.perf_counter()
+def clocked(call: Callable[[], Any]) -> tuple[Any, float, float]:
+    """What a call returns, its seconds, and those of them that JAX compiled for."""
+    before, begin = _spent[0], time.perf_counter()
     answer = jax.block_until_ready(call())
-    seconds = time.perf_counter() - begin
-    return answer, seconds, _compilations[0] > before
+    return answer, time.perf_counter() - begin, _spent[0] - before
 
 
 def compiled(program: Hashable, call: Callable[[], Any]) -> tuple[Any, float]:
     """The answer and seconds of a call in which JAX compiled nothing.
 
-    Seconds that earlier ones took longer are noted as the ``program``'s compiling.
+    What earlier ones compiled is noted as the ``program``'s compiling.
     """
-    longest = 0.0
+    whole = 0.0
     for _ in range(_MOST_COMPILING):
-        answer, seconds, compiles = clocked(call)
-        if not compiles:
+        answer, seconds, compiling = clocked(call)
+        if not compiling:
             break
-        longest = max(longest, seconds)
-    if longest:
-        _compiling[program] = max(_compiling.get(program, 0.0), longest - seconds)
+        whole += compiling
+    if whole:
+        _compiling[program] = max(_compiling.get(program, 0.0), whole)
     return answer, seconds
 
 
@@ -81,10 +80,9 @@ def first_answer(program: Hashable, call: Callable[[], Any]) -> float:
     jax.clear_caches()
     try:
         _keep(False)
-        _, seconds, _ = clocked(call)
+        _, seconds, _compiling[program] = clocked(call)
     finally:
         _keep(kept)
-    _compiling[program] = seconds - clocked(call)[1]
     return seconds
 
 
@@ -107,10 +105,8 @@ def timed(program: Hashable, call: Callable[[], Any], repeats: int) -> tuple[Any
     more = int(np.clip(_ENOUGH / max(seconds, 1e-9), repeats, max(repeats, _MOST_REPEATS)))
     count = more if seconds < _LONG else 2 if seconds < _VERY_LONG else 1
     taken = [seconds, *(compiled(program, call)[1] for _ in range(count - 1))]
-    return answer, Times(
-        float(np.median(taken)), min(taken), max(taken), compile_s(program), repeats=len(taken),
-        batch=1,
-    )  # fmt: skip
+    middle, compiling = float(np.median(taken)), compile_s(program)
+    return answer, Times(middle, min(taken), max(taken), compiling, repeats=count, batch=1)
 
 
 def compile_s(program: Hashable) -> float:

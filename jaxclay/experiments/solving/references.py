@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import contour_error
+from jaxclay.experiments.entries.sizes import Discretisation
 from jaxclay.experiments.entries.specification import Specification
-from jaxclay.experiments.entries.tasks import Discretisation
+from jaxclay.experiments.entries.tasks import Task
 from jaxclay.experiments.solving.batched import minimized
 from jaxclay.experiments.solving.clock import compiled
 from jaxclay.methods.lbfgs import has_jaxopt
@@ -23,6 +24,7 @@ _FINE = 512  # slices of the clay that splines and placed slices start from
 _KEPT = 1024
 _DENSE = 256  # slices beyond which only newton is a reference: the other's time goes as their cube
 _OTHER = "lbfgs-preconditioned"  # newton's, on all schemes
+_answers: dict[tuple, Solution | None] = {}  # by scene, discretisation and method
 
 
 def reference_method(method: str) -> str:
@@ -30,67 +32,65 @@ def reference_method(method: str) -> str:
     return _OTHER if method == "newton" else "newton"
 
 
-@functools.lru_cache(maxsize=_KEPT)
 def posed(specification: Specification, size: Discretisation) -> Any:
     """The last squash, posed on a scheme whose slices or spans are known beforehand.
 
-    Raises
-    ------
-    ValueError, Hindrance
-        Why the scene cannot be posed, or an earlier squash not be solved, on this grid.
+    Raises ValueError or Hindrance: why the scene cannot be posed, or an earlier squash not be
+    solved, on this grid.
     """
-    if size.scheme == "spline":
-        clay, squash, material = last(specification, _FINE)
-        how: dict[str, Any] = {"degree": size.degree, "elements": size.elements}
-        return pose(clay, squash, material, "spline", **how)
-    scene = specification.scene()
-    return scene.problems(specification.units, size.slices, size.scheme)[-1]
-
-
-Posed = tuple[Specification, Discretisation]
-_minima: dict[tuple, Solution] = {}
-
-
-def certified_minima(wanted: list[Posed], method: str) -> list[Solution | None]:
-    """The reference method's answers on slices, many at once; None if not certified."""
-    other = reference_method(method)
-    # A worker of dask may have several threads: what they share is read once.
-    known = {one: _minima.get((other, *one)) for one in wanted}
-    new = [one for one, answer in known.items() if answer is None and _within(one[1].slices, other)]
-    for size in {one[1] for one in new}:
-        same = [one for one in new if one[1] == size]
-        answers = minimized([posed(*one) for one in same], other, [{}] * len(same))
-        known.update(zip(same, answers, strict=True))
-    if len(_minima) > _KEPT:
-        _minima.clear()
-    _minima.update({(other, *one): answer for one, answer in known.items() if answer})
-    return [_accepted(known[one]) for one in wanted]
+    problem = _posed(specification, size)
+    if isinstance(problem, Exception):
+        raise problem
+    return problem
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def certified_minimum(
-    specification: Specification, size: Discretisation, method: str
-) -> Solution | None:
-    """The reference method's answer to one problem; None if not certified."""
+def _posed(specification: Specification, size: Discretisation) -> Any:
+    """The problem, or why there is none: either is found once for all methods."""
+    try:
+        if size.scheme == "spline":
+            how: dict[str, Any] = {"degree": size.degree, "elements": size.elements}
+            return pose(*whole(specification), "spline", **how)
+        scene = specification.scene()
+        return scene.problems(specification.units, size.slices, size.scheme)[-1]
+    except REFUSALS as error:
+        return error
+
+
+def certified_minima(problems: list[Any], method: str) -> list[Solution | None]:
+    """The reference method's answers on slices, many at once; None if not certified."""
     other = reference_method(method)
-    if not _within(size.slices, other):
+    if not problems or not _has(problems[0], other):
+        return [None] * len(problems)
+    return [_accepted(one) for one in minimized(problems, other, [{}] * len(problems))]
+
+
+def certified_minimum(task: Task, answer: Solution) -> Solution | None:
+    """The same for the problem of one answer, by the program that users run, each once."""
+    other, size = reference_method(task.method), task.discretisation
+    if size.placed or task.call == "deform":  # whose problem is the answer's own
+        return _accepted(_minimum(answer.problem, other))
+    if len(_answers) > _KEPT:
+        _answers.clear()
+    same = task.specification, size
+    if not (task.settings or task.budget or task.precision != "float64"):
+        _answers.setdefault((*same, task.method), answer)  # what others are measured from
+    if (*same, other) not in _answers:
+        _answers[*same, other] = _minimum(answer.problem, other)
+    return _accepted(_answers[*same, other])
+
+
+def _minimum(problem: Any, other: str) -> Solution | None:
+    if not _has(problem, other):
         return None
-    return minimum_of(posed(specification, size), method)
+    slices = 0 if problem.scheme == "spline" else problem.slices
+    return compiled((other, problem.scheme, slices), lambda: minimize(problem, other))[0]
 
 
-def minimum_of(problem: Any, method: str) -> Solution | None:
-    """The same for a problem that an answer came with."""
-    other = reference_method(method)
-    slices = getattr(problem, "slices", 0) if problem.scheme != "spline" else 0
-    if not _within(slices, other):
-        return None
-    answer, _ = compiled((other, problem.scheme, slices), lambda: minimize(problem, other))
-    return _accepted(answer)
-
-
-def _within(slices: int, other: str) -> bool:
+def _has(problem: Any, other: str) -> bool:
     """Whether there is such an answer: one of the two methods is dense, and jaxopt's."""
-    return other != _OTHER or (slices <= _DENSE and has_jaxopt())
+    few = problem.scheme == "spline" or problem.slices <= _DENSE
+    return other != _OTHER or (few and has_jaxopt())
 
 
 def _accepted(answer: Solution | None) -> Solution | None:
@@ -98,13 +98,11 @@ def _accepted(answer: Solution | None) -> Solution | None:
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def last(specification: Specification, slices: int) -> tuple[Clay, Squash, Material]:
+def whole(specification: Specification, slices: int = _FINE) -> tuple[Clay, Squash, Material]:
     """The last squash and the clay before it, earlier ones solved on so many placed slices.
 
-    Raises
-    ------
-    ValueError, Hindrance
-        Why an earlier squash could not be solved; a squash above the clay.
+    Raises ValueError, Hindrance: Why an earlier squash could not be solved; a squash above the
+    clay.
     """
     scene = specification.scene()
     clay, material = scene.clay(slices), scene.material(specification.units)
@@ -112,11 +110,6 @@ def last(specification: Specification, slices: int) -> tuple[Clay, Squash, Mater
         clay = deform(clay, squash, material).raise_for_status().clay
     check_fits(scene.squashes[-1], clay)
     return clay, scene.squashes[-1], material
-
-
-def whole(specification: Specification) -> tuple[Clay, Squash, Material]:
-    """The last squash and fine clay before it; raises as :func:`last`."""
-    return last(specification, _FINE)
 
 
 class Continuum(NamedTuple):
@@ -133,7 +126,7 @@ def continuum(specification: Specification, slices: int) -> Continuum | None:
     Of second order: its error is about a third of the way from the answer on half as many.
     """
     try:
-        piece = last(specification, slices)
+        piece = whole(specification, slices)
         half, full = (deform(*piece, slices=n) for n in (slices // 2, slices))
     except REFUSALS:
         return None
