@@ -50,9 +50,11 @@ def smooth(
     clay : Clay
         Its shape is where strain and friction are measured from.
     material : Material
+        What it is made of.
     bottom, top : float, length
+        The heights.
     times : float
-        What alpha and beta are multiplied with on slices between these heights.
+        What alpha and beta are multiplied with on slices between them.
     slices : int
         How many to solve on: the clay's own nodes and, as many as are missing, middles of its
         widest slices.

@@ -46,13 +46,20 @@ def is_adaptive(solver: Solver) -> bool:
 def press(
     solver: Solver, clay: Clay, squash: Squash, material: Material, tolerance: float, first: int
 ) -> Solution:
-    """The answer, on ``first`` slices or more where it is to a tolerance."""
+    """The answer, on ``first`` slices or more where it is to a tolerance.
+
+    Where there is none on as many as that needs, the nearest one that is certified.
+    """
     if not is_adaptive(solver):
         posed = pose(clay, squash, material, solver.scheme, slices=_fixed(solver))
         return minimize(posed, solver.method)
-    sizes = [n for n in SIZES if min(first, solver.most) <= n <= solver.most]
     found = place(clay, squash, material)
-    return followed(to_tolerance(found, tolerance, sizes), newton_answer)
+    sizes = [n for n in SIZES if min(first, solver.most) <= n <= solver.most]
+    answer = followed(to_tolerance(found, tolerance, sizes), newton_answer)
+    while not is_certified(answer, solver) and sizes[0] < sizes[-1]:
+        sizes.pop()
+        answer = followed(to_tolerance(found, tolerance, sizes), newton_answer)
+    return answer
 
 
 def follow(
@@ -91,7 +98,7 @@ class Compilations:
     """
 
     def __init__(self, told: Callable[[], None] = lambda: None):
-        self._told = told
+        self.told = told
         self._ready: list[int] = []
         self._solvers: set[tuple[str, str, int]] = set()
         self._lock = threading.Lock()
@@ -118,7 +125,7 @@ class Compilations:
             if slices not in self._ready:
                 _solve_once(Solver(), slices)
                 self._ready.append(slices)
-                self._told()
+                self.told()
 
     def prepare(self, solver: Solver) -> None:
         """Compile what another method needs, in this thread."""
@@ -126,7 +133,7 @@ class Compilations:
             if not self.has(solver):
                 _solve_once(solver, _fixed(solver))
                 self._solvers.add((solver.method, solver.scheme, _fixed(solver)))
-        self._told()
+        self.told()
 
     def start(self, solver: Solver | None = None) -> threading.Thread:
         """:meth:`run`, or :meth:`prepare` of a solver, in a thread."""

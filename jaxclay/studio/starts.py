@@ -27,7 +27,7 @@ def _ball() -> Clay:
 
 
 STARTS: dict[str, Callable[[], Clay]] = {
-    "cylinder": lambda: Clay.cylinder(0.38, 1.0, slices=64),
+    "cylinder": lambda: Clay.cylinder(0.36, 1.0, slices=64),
     "cone": _cone,
     "ball": _ball,
     "teapot": lambda: load_profile("teapot"),

@@ -1,0 +1,64 @@
+"""``jaxclay studio``: the interactive modeller on a page of its own."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+from typing import Any
+
+from jaxclay.files.profiles import PROFILES
+
+
+def add_to(commands) -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "studio",
+        help="shape clay with the pointer, in a browser",
+        description="Serve the interactive modeller on a page of this machine alone, until Ctrl-C.",
+    )
+    command.add_argument(
+        "profile", nargs="?",
+        help=f"{', '.join(PROFILES)}, a CSV file with height,radius, or a piece saved as JSON "
+        "(default: a cylinder)",
+    )  # fmt: skip
+    command.add_argument("--target", metavar="CSV", help="profile whose outline is to be met")
+    command.add_argument(
+        "--port", type=int, default=0, metavar="N", help="default: any that is free"
+    )
+    command.add_argument("--open", action="store_true", help="open the page in the browser")
+    command.set_defaults(run=_studio)
+
+
+def _studio(options: argparse.Namespace) -> int:
+    from jaxclay.studio.host import Host
+
+    if not 0 <= options.port < 65_536:
+        raise ValueError(f"--port must lie between 0 and 65535, got {options.port}")
+    clay = None if options.profile is None else _given(options.profile)
+    target = None if options.target is None else _given(options.target)
+
+    def make() -> Any:
+        from jaxclay.studio.widget import Studio
+
+        return Studio(clay, target=getattr(target, "clay", target))
+
+    def started(address: str) -> None:
+        print(f"jaxclay studio: {address} (Ctrl-C ends it)", flush=True)
+        if options.open:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    asyncio.run(Host(make, options.port).run(started))
+    return 0
+
+
+def _given(source: str) -> Any:
+    """The clay of a profile, or a piece."""
+    if source.lower().endswith(".json"):
+        from jaxclay.files.piece import load_piece
+
+        return load_piece(source)
+    from jaxclay.files.profiles import load_profile
+
+    return load_profile(source)
