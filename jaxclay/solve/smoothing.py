@@ -89,16 +89,6 @@ def smooth(
     return Smoothed(shape, True, point.shift, terms)
 
 
-def held(clay: Clay, material: Material) -> float:
-    """The share of the clay that friction holds where it is, with no tool near, from 0 to 1."""
-    with as_compiled():
-        rest, sums = _at_rest(clay)
-        system = _free(rest, sums, as_float64(material), np.ones(clay.slices))
-        force = system.gradient(Displaced(rest.thickness, np.zeros(clay.slices + 1)))
-        holds = abs(force) <= (1 + 1e-6) * system.friction_limit
-    return float(sums.nodes[1:] @ holds[1:] / sums.nodes[1:].sum())
-
-
 def _at_rest(clay: Clay) -> tuple[Rest, Sums]:
     rest = Rest(
         clay.thickness / clay.unit, clay.heights / clay.unit, clay.r0 / clay.unit**1.5,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import struct
 from collections.abc import Callable
 from http import HTTPStatus
@@ -127,7 +128,12 @@ class Host:
                 content = data.get("content")
                 if isinstance(content, dict) and isinstance(content.get("view"), str):
                     views.add(content["view"][:64])
-                self._widget.comm.handle_msg({"content": {"data": data}, "buffers": buffers})
+                try:
+                    message = {"content": {"data": data}, "buffers": buffers}
+                    self._widget.comm.handle_msg(message)
+                except Exception:
+                    logging.getLogger("jaxclay.studio").exception("a fault inside")
+                    self._refuse("a fault inside, not in what was asked: the piece is kept")
                 await asyncio.sleep(0)
         except ConnectionClosed:
             pass
@@ -198,9 +204,8 @@ def _unpacked(frame: Any) -> tuple[dict | None, list[bytes]]:
         for size in sizes:
             buffers.append(frame[at : at + size])
             at += size
-        sound = data.get("method") in ("custom", "update") and isinstance(
-            data.get("state" if data["method"] == "update" else "content"), dict
-        )
-        return (data if sound else None), buffers
+        key = {"custom": "content", "update": "state"}[data["method"]]
+        sound = isinstance(data[key], dict)
+        return ({"method": data["method"], key: data[key]} if sound else None), buffers
     except (ValueError, TypeError, AttributeError, KeyError, RecursionError, struct.error):
         return None, []

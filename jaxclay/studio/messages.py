@@ -21,7 +21,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import slice_points
-from jaxclay.files.piece import Solver, Stroke, piece_of_json, piece_to_json
+from jaxclay.files.piece import Stroke, piece_of_json, piece_to_json
 from jaxclay.files.profiles import load_profile
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.studio.exports import EXPORTS
@@ -33,7 +33,7 @@ DRAWN = 256  # points of a contour at most
 _MOST_TEXT = 8 * 2**20
 _MOST_POINTS = 4096  # of one message
 _MOST_REPLAYED = 20_000  # points of a way that a page may have replayed: a minute or two
-_HELD = 0.5  # share of the clay below which it slumps
+_SLUMPS = 0.02  # over l: clay that sinks so far by itself slumps
 Message = dict[str, Any]
 Answer = tuple[Message, list[bytes]]
 
@@ -262,18 +262,16 @@ class Desk:
             told["energy"] = {name: float(v) for name, v in reading.terms._asdict().items()}
         if done:
             match = m.match()
-            told |= {"match": _finite(match), "slumps": m.held() < _HELD}
+            told |= {
+                "match": _finite(match),
+                "slumps": self.compilations.most > 0 and m.slump() > _SLUMPS,
+            }
         return told, [contour(clay).tobytes()]
 
 
 def contour(clay: Clay) -> np.ndarray:
     """(m, 2) float32 points (radius, height) over l to be drawn, 256 at most."""
     return _thinned(slice_points(clay) / float(clay.unit)).astype("<f4")
-
-
-def solver_of(method: Any, scheme: Any, slices: Any) -> Solver:
-    """A solver from settings, checked."""
-    return Solver(str(method), str(scheme), int(slices))
 
 
 def _thinned(points: np.ndarray) -> np.ndarray:

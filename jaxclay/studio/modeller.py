@@ -21,7 +21,6 @@ from jaxclay.clay.contour import area_error
 from jaxclay.files.piece import Piece, Solver, Stroke
 from jaxclay.model.energy import Terms
 from jaxclay.model.material import Material
-from jaxclay.solve.smoothing import held
 from jaxclay.solve.solution import Solution, Status
 from jaxclay.studio.solving import (
     MOVING,
@@ -31,6 +30,7 @@ from jaxclay.studio.solving import (
     follow,
     is_certified,
     press,
+    settled,
     smoothed,
 )
 from jaxclay.studio.starts import MATERIAL
@@ -90,6 +90,7 @@ class _Drawing:
     def __init__(self, stroke: Stroke, solver: Solver, material: Material, clay: Clay):
         self.stroke, self.solver, self.material = stroke, solver, material
         self.clay = clay  # as the last whole step has left it
+        self.previous, self.stepped = clay, False  # before that step
         self.path = [Place(*stroke.path[0])]
         self.way = Way(_bounded(self.path[0], clay), float(clay.unit))
         self.shown: Solution | None = None  # between two steps
@@ -198,7 +199,9 @@ class Modeller:
     def end(self) -> Reading:
         """Let go: the stroke is done, and can be undone, if it has changed anything."""
         drawing, begin = self._under_way(), time.perf_counter()
-        if drawing.way.has_moved:
+        if not drawing.way.has_moved:  # the last whole step ended here: once more, more exactly
+            drawing.clay = drawing.previous
+        if drawing.way.has_moved or drawing.stepped:
             self._step(drawing, drawing.way.place, RESTING)
         self._drawing = None
         if drawing.changed:
@@ -252,9 +255,9 @@ class Modeller:
         """Area between contour and target over the target's (:func:`jaxclay.area_error`)."""
         return None if self.target is None else area_error(self.clay, self.target)
 
-    def held(self) -> float:
-        """The share of the clay that friction of the material holds where it is, with no tool."""
-        return held(self.clay, self.material)
+    def slump(self) -> float:
+        """How far the material lets the piece sink by itself, with no tool near, over l."""
+        return float(abs(settled(self.clay, self.material, self.solver.most).shift).max())
 
     def _under_way(self) -> _Drawing:
         if self._drawing is None:
@@ -265,15 +268,17 @@ class Modeller:
         self._past.append(self._piece)
         self._future.clear()
         del self._past[:-KEPT]
-        if len(piece.strokes) > KEPT:  # what is older cannot be undone either
+        if len(piece.strokes) > KEPT:  # what cannot be undone need not be replayed either
             oldest = self._past[0]
-            strokes = piece.strokes[len(oldest.strokes) :] if piece.start is oldest.start else ()
-            piece = dataclasses.replace(piece, start=oldest.clay, strokes=strokes)
+            first = [i for i, s in enumerate(piece.strokes) if oldest.strokes[-1:] == (s,)]
+            if first:
+                strokes = piece.strokes[first[0] + 1 :]
+                piece = dataclasses.replace(piece, start=oldest.clay, strokes=strokes)
         self._piece = piece
 
     def _step(self, drawing: _Drawing, place: Place, tolerance: float) -> None:
         """What the tool does to the clay where a step of its way ends."""
-        drawing.shown = None
+        drawing.shown, drawing.previous, drawing.stepped = None, drawing.clay, True
         if drawing.stroke.kind == "smooth":
             self._smooth(drawing, place)
             return

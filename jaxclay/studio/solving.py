@@ -17,11 +17,12 @@ from jaxclay.schemes.posing import pose
 from jaxclay.schemes.slices.posing import place
 from jaxclay.solve.minimize import minimize, newton_answer
 from jaxclay.solve.refining import beside, followed, to_tolerance
-from jaxclay.solve.smoothing import smooth
+from jaxclay.solve.smoothing import Smoothed, smooth
 from jaxclay.solve.solution import Solution, Status
 
 MOVING, RESTING = 1e-3, 1e-4  # tolerance of the contour over l, while the tool moves and rests
 SIZES = (32, 64, 128, 256, 512)  # slices, compiled in this order
+_SMOOTHER = 10.0  # times alpha and beta, where clay is smoothed
 SMOOTHED_ON = 128  # slices at least, where clay is smoothed
 UNCERTIFIED = ("greedy", "greedy-refined")  # methods of which nobody expects a certificate
 OFFERED = ("newton", "lbfgs-preconditioned", "greedy", "greedy-refined")
@@ -115,7 +116,7 @@ class Compilations:
 
     def has(self, solver: Solver) -> bool:
         """Whether a stroke by it compiles nothing."""
-        if solver.method == "newton":
+        if (solver.method, solver.scheme) == ("newton", "slices"):
             return self.most >= (SIZES[0] if is_adaptive(solver) else _fixed(solver))
         return (solver.method, solver.scheme, _fixed(solver)) in self._solvers
 
@@ -149,7 +150,17 @@ def _solve_once(solver: Solver, slices: int) -> None:
     minimize(pose(clay, squash, material, solver.scheme, slices=slices), solver.method)
 
 
-def smoothed(clay: Clay, material: Material, low: float, high: float, most: int):
+def smoothed(clay: Clay, material: Material, low: float, high: float, most: int) -> Smoothed:
     """Clay smoothed between two heights, ten times as much as elsewhere."""
-    slices = min([n for n in SIZES if n >= max(clay.slices, SMOOTHED_ON)], default=most)
-    return smooth(clay, material, low, high, 10.0, min(slices, most))
+    return smooth(clay, material, low, high, _SMOOTHER, _enough(clay, most))
+
+
+def settled(clay: Clay, material: Material, most: int) -> Smoothed:
+    """Clay as it settles with no tool near."""
+    return smooth(clay, material, 0.0, 0.0, 1.0, _enough(clay, most))
+
+
+def _enough(clay: Clay, most: int) -> int:
+    """Slices for all of the clay's nodes, and not too few, if they are ready."""
+    wanted = [n for n in SIZES if n >= max(clay.slices, SMOOTHED_ON)]
+    return min([*wanted, most])

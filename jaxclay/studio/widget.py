@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -49,10 +50,10 @@ class Studio(anywidget.AnyWidget):
     """
 
     _esm = Path(__file__).parent / "static" / "studio.js"
-    k = traitlets.Float(1.0, min=1e-3, max=1e3).tag(sync=True)
-    mu = traitlets.Float(1.0, min=0.0, max=1e3).tag(sync=True)
-    alpha = traitlets.Float(1.0, min=0.0, max=1e6).tag(sync=True)
-    beta = traitlets.Float(1.0, min=0.0, max=1e8).tag(sync=True)
+    k = traitlets.Float(1.0).tag(sync=True)
+    mu = traitlets.Float(1.0).tag(sync=True)
+    alpha = traitlets.Float(1.0).tag(sync=True)
+    beta = traitlets.Float(1.0).tag(sync=True)
     method = traitlets.Enum(OFFERED, "newton").tag(sync=True)
     scheme = traitlets.Enum(SCHEMES, "slices").tag(sync=True)
     slices = traitlets.Enum(FIXED, 0).tag(sync=True)
@@ -80,6 +81,14 @@ class Studio(anywidget.AnyWidget):
         """The clay as it is now."""
         return self.modeller.clay
 
+    @traitlets.validate("k", "mu", "alpha", "beta")
+    def _checked(self, proposal: Any) -> float:
+        name, value = proposal["trait"].name, proposal["value"]
+        if not math.isfinite(value) or value < 0 or (name == "k" and value == 0):
+            least = "above 0" if name == "k" else "at least 0"
+            raise traitlets.TraitError(f"{name} must be finite and {least}, got {value:g}")
+        return value
+
     def set_state(self, sync_data: dict[str, Any]) -> None:
         """Take settings from the front end, those that are allowed; others are refused."""
         try:
@@ -89,7 +98,7 @@ class Studio(anywidget.AnyWidget):
                 if type(value) is bool:
                     raise ValueError(f"{name} must not be {value}")
             super().set_state(sync_data)
-        except (traitlets.TraitError, ValueError, TypeError) as error:
+        except (traitlets.TraitError, ValueError, TypeError, OverflowError) as error:
             self.send({"type": "refused", "message": str(error)[:300], "view": "", "id": 0})
             self.send_state(list(_SETTINGS))
 
@@ -102,14 +111,10 @@ class Studio(anywidget.AnyWidget):
         for content, sent in self._desk.answer(message, buffers):
             if content["type"] == "material":
                 with self.hold_trait_notifications():
-                    self.set_trait_values(self._constants())
+                    for name, value in self._constants().items():
+                        self.set_trait(name, value)
                 continue
             self.send(content, sent)
-
-    def set_trait_values(self, values: dict[str, Any]) -> None:
-        """Set several settings."""
-        for name, value in values.items():
-            self.set_trait(name, value)
 
     def _constants(self) -> dict[str, float]:
         m = self.modeller.material

@@ -11,20 +11,9 @@ from jaxclay.files.piece import Piece, Solver, Stroke, piece_of_json, piece_to_j
 from jaxclay.solve.certified_newton import program
 from jaxclay.studio import modeller as modelling
 from jaxclay.studio.modeller import Modeller, replay
-from jaxclay.studio.solving import SIZES, Compilations
 from jaxclay.studio.starts import STARTS
 
 DRAG = [(0.7, 0.42), (0.7, 0.3), (0.45, 0.3), (0.45, 0.45)]
-
-
-@pytest.fixture(scope="module")
-def ready():
-    """All sizes compiled, once."""
-    compilations = Compilations()
-    assert compilations.most == 0
-    compilations.run()
-    assert compilations.most == max(SIZES)
-    return compilations
 
 
 def stroke(path=DRAG, kind="press", **more):
@@ -60,10 +49,10 @@ def test_a_stroke_presses_the_clay_and_keeps_its_volume(modeller):
 
 
 def sampled(rate):
-    """A way along a straight, down, and back, by so many events a second for two seconds."""
-    times = np.arange(0, 2 + 1e-9, 1 / rate)
+    """In, down and out again within a second, by so many events a second."""
+    times = np.arange(0, 1 + 1e-9, 1 / rate)
     corners = np.array(DRAG)
-    return [tuple(np.interp(t, [0, 0.5, 1.5, 2], corners[:, i]) for i in (0, 1)) for t in times]
+    return [tuple(np.interp(t, [0, 0.3, 0.8, 1], corners[:, i]) for i in (0, 1)) for t in times]
 
 
 def test_the_result_does_not_depend_on_how_often_the_pointer_was_sampled(ready):
@@ -74,7 +63,7 @@ def test_the_result_does_not_depend_on_how_often_the_pointer_was_sampled(ready):
         modeller.begin(stroke([first]))
         for i, point in enumerate(others):
             modeller.move([point])
-            if i % 7 == 3:
+            if i % 70 == 3:
                 modeller.rest()
         modeller.end()
         clays.append(modeller.clay)
@@ -177,7 +166,7 @@ def test_nothing_is_compiled_by_strokes_once_all_is_ready(ready):
     assert program.whole._cache_size() == before
 
 
-@pytest.mark.parametrize("scheme", ["slices", "paper"])
+@pytest.mark.parametrize("scheme", ["slices", pytest.param("paper", marks=pytest.mark.slow)])
 def test_slices_of_ones_own_choice(ready, scheme):
     modeller = Modeller(Clay.cylinder(0.36))
     modeller.solver = Solver(scheme=scheme, slices=64)
@@ -222,9 +211,9 @@ def test_a_target_is_met_as_far_as_the_areas_agree(modeller):
 
 
 def test_a_material_that_smoothing_moves_by_itself_slumps(modeller):
-    assert modeller.held() > 0.95
+    assert modeller.slump() < 1e-3
     modeller.material = jaxclay.Material.from_snake_units(mu=0.1, alpha=2000)
-    assert modeller.held() < 0.5
+    assert modeller.slump() > 0.1
 
 
 def test_history_is_bounded_and_what_is_left_still_replays(ready, monkeypatch):
