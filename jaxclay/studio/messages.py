@@ -227,12 +227,12 @@ class Desk:
         if len(self._last) > 64:
             del self._last[next(iter(self._last))]
 
-    def _path(self, buffers: list, least: int) -> list[tuple[float, float]]:
+    def _path(self, buffers: list, least: int) -> tuple[tuple[float, float], ...]:
         points = _pairs(buffers)
         if len(points) < least:
             raise ValueError("a stroke begins at a place of the tool: a pair of float32")
         unit = float(self.modeller.clay.unit)
-        return [(height * unit, max(radius, 0.0) * unit) for height, radius in points]
+        return tuple((height * unit, max(radius, 0.0) * unit) for height, radius in points)
 
     def _done(self, reading: Reading) -> list[Answer]:
         """The shape, and what a page keeps of it in case that this process ends."""
@@ -283,9 +283,10 @@ def _thinned(points: np.ndarray) -> np.ndarray:
 def _who(message: Any) -> tuple[str, int]:
     """The view and the number of a message, whatever it is."""
     found = message if isinstance(message, dict) else {}
-    view, number = found.get("view"), found.get("id")
-    known = type(number) is int and 0 <= number < 2**53
-    return view[:64] if isinstance(view, str) else "", number if known else 0
+    view: Any = found.get("view")
+    number: Any = found.get("id")
+    known = isinstance(number, int) and 0 <= number < 2**53
+    return view[:64] if isinstance(view, str) else "", int(number) if known else 0
 
 
 def _text(message: Any, name: str, most: int) -> str:
@@ -296,7 +297,7 @@ def _text(message: Any, name: str, most: int) -> str:
 
 
 def _number(message: Message, name: str, low: float, high: float) -> float:
-    value = message.get(name)
+    value: Any = message.get(name)
     if type(value) not in (int, float) or not low <= value <= high:
         raise ValueError(f"{name} must be a number from {low:g} to {high:g}")
     return float(value)

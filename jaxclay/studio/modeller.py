@@ -21,6 +21,7 @@ from jaxclay.clay.contour import area_error
 from jaxclay.files.piece import Piece, Solver, Stroke
 from jaxclay.model.energy import Terms
 from jaxclay.model.material import Material
+from jaxclay.model.squash import Squash
 from jaxclay.solve.solution import Solution, Status
 from jaxclay.studio.solving import (
     MOVING,

@@ -577,6 +577,7 @@ class Studio {
   send(content, points) {
     const id = ++this.id;
     this.pending.set(id, performance.now());
+    this.stage.setAttribute("aria-busy", "true");
     const buffers = points ? [new Float32Array(points).buffer] : [];
     this.model.send({ ...content, view: this.view, id }, undefined, buffers);
     return id;
@@ -605,6 +606,7 @@ class Studio {
     const first = mine && sent !== undefined;
     if (first) {
       this.pending.delete(message.id);
+      if (!this.pending.size) this.stage.setAttribute("aria-busy", "false");
       this.late(false);
     }
     if (message.type === "shape") this.shapeTold(message, floats(buffers[0]), mine, first ? performance.now() - sent : null);
