@@ -22,6 +22,7 @@ from jaxclay.numerics.checks import check_positive, check_whole
 FORMATS = (".stl", ".obj", ".glb")
 _SIDES = 256
 _FLAT = 1e-9  # of the height: points nearer than that are one
+_OFFSETS = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 65))
 _LEAST_ROOM = 0.05  # of a piece's least radius, that a wall leaves inside
 
 
@@ -137,13 +138,14 @@ def _vessel(points: np.ndarray, wall: float) -> np.ndarray:
     """The outside up to the rim, and from there the inside down to the floor on the axis."""
     check_positive("wall", wall)
     radius, y = points.T
-    slope = np.gradient(radius, y)
-    inner = radius - wall * np.sqrt(1 + slope**2)  # so that it is as thick across
+    # The outside, eroded by a disc: nowhere is the wall thinner.
+    near = np.clip(y[:, None] + wall * _OFFSETS, 0.0, y[-1])
+    inner = np.interp(near, y, radius) - np.sqrt(np.maximum(wall**2 - (near - y[:, None]) ** 2, 0))
+    inner = inner.min(axis=1)
     if wall >= y[-1] / 2 or inner.min() < _LEAST_ROOM * radius.min():
-        most = min(y[-1] / 2, float(((1 - _LEAST_ROOM) * radius / np.sqrt(1 + slope**2)).min()))
         raise ValueError(
-            f"a wall of {wall:g} mm fills the piece, whose least radius is {radius.min():.4g} mm: "
-            f"at most {0.99 * most:.3g} mm, or more millimetres a unit"
+            f"a wall of {wall:g} mm fills the piece, {y[-1]:.4g} mm tall with a least radius of "
+            f"{radius.min():.4g} mm: a thinner one, or more millimetres a unit"
         )
     above = y > wall
     floor = np.interp(wall, y, inner)

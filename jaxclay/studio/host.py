@@ -139,7 +139,7 @@ class Host:
             pass
         finally:
             self._tabs.discard(tab)
-            for view in views:  # none before there is a widget
+            for view in views if self._widget is not None else ():
                 self._widget.left(view)
 
     def _refuse(self, text: str) -> None:

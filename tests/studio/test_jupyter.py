@@ -26,7 +26,12 @@ def server(tmp_path_factory):
     """JupyterLab on a free port, at an address, with one notebook."""
     folder = tmp_path_factory.mktemp("jupyter")
     cells = [nbformat.v4.new_code_cell(text) for text in (CODE, SAID)]
-    nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "clay.ipynb")
+    nbformat.write(
+        nbformat.v4.new_notebook(
+            metadata={"kernelspec": {"name": "python3", "display_name": "Python 3"}}, cells=cells
+        ),
+        folder / "clay.ipynb",
+    )
     command = [
         sys.executable, "-m", "jupyterlab", "--no-browser", "--ServerApp.port=0", "--allow-root",
         "--IdentityProvider.token=", "--ServerApp.password=", f"--ServerApp.root_dir={folder}",

@@ -90,8 +90,9 @@ const CSS = `
   font-size:13px; }
 .jc label.pick input[type=number] { font:inherit; color:inherit; background:transparent;
   border:1px solid var(--line); border-radius:9px; padding:5px 8px; width:100%; min-height:34px; }
-.jc dl { display:grid; grid-template-columns:auto 1fr; gap:3px 12px; margin:0; font-size:13px; }
-.jc dt { color:var(--soft); } .jc dd { margin:0; text-align:right; font-variant-numeric:tabular-nums; }
+.jc dl { display:grid; grid-template-columns:max-content 1fr; gap:3px 12px; margin:0; font-size:13px; width:auto; }
+.jc dl > dt { color:var(--soft); font-weight:400; width:auto; float:none; margin:0; }
+.jc dl > dd { margin:0; width:auto; float:none; text-align:right; font-variant-numeric:tabular-nums; }
 .jc .bar { grid-column:1/3; display:flex; height:7px; border-radius:4px; overflow:hidden; margin:3px 0 5px;
   background:var(--line); }
 .jc .bar i { display:block; height:100%; }
@@ -934,7 +935,8 @@ class Studio {
     const wheel = Math.max(0.62, this.shape.widest * 1.12, this.shape.foot * 1.2);
     const tall = Math.max(this.shape.tall, 0.9);
     const below = wheel * SIN + 0.09;
-    const wanted = Math.min((height - 150) / (tall * COS + this.shape.outline.at(-1)[0] * SIN + below + 0.08), width / (2 * wheel + 0.34));
+    const wanted = Math.min((height - 150) / (tall * COS + this.shape.outline.at(-1)[0] * SIN + below + 0.08), 
+      width / (2 * Math.max(wheel + 0.08, Math.min(this.tool.radius, 0.75) + 1.05 * this.tool.size + 0.05)));
     if (!this.scale || this.still) this.scale = wanted;
     else if (!this.drag || this.drag.keys) this.scale += (wanted - this.scale) * Math.min(1, step / 180);
     if (this.size !== `${width} ${height}`) { this.size = `${width} ${height}`; this.scale = wanted; }
