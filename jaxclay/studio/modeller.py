@@ -183,12 +183,14 @@ class Modeller:
         if not all(math.isfinite(value) for point in path for value in point):
             raise ValueError("the tool goes along finite heights and radii")
         _check_points(len(drawing.path) + len(path))
-        begin = time.perf_counter()
+        begin, steps = time.perf_counter(), 0
         for point in path:
             drawing.path.append(Place(point.height, max(point.radius, 0.0)))
             for place in drawing.way.to(_bounded(point, drawing.clay)):
                 self._step(drawing, place, MOVING)
-        self._show(drawing, MOVING)
+                steps += 1
+        if not steps:  # or there is something new to be shown already
+            self._show(drawing, MOVING)
         return self._read(drawing, begin)
 
     def rest(self) -> Reading:
@@ -319,7 +321,7 @@ class Modeller:
         if not is_certified(answer, solver):
             self.reading = Reading(clay, False, f"not pressed: {answer.status}")
             return None
-        self.reading = _reading(answer)
+        self.reading = _reading(answer, None if tolerance == RESTING else self.reading.floored)
         return answer
 
     def _smooth(self, drawing: _Drawing, place: Place) -> None:
@@ -359,8 +361,10 @@ def replay(piece: Piece) -> Modeller:
     return modeller
 
 
-def _reading(answer: Solution) -> Reading:
-    clay, rough = answer.clay, answer.rough
+def _reading(answer: Solution, floored: bool | None) -> Reading:
+    """``floored`` as it is known, or None to have it found out."""
+    clay = answer.clay
+    floored = bool(answer.rough.floored) if floored is None else floored
     moved = np.flatnonzero(np.asarray(answer.point.shift))
     if len(moved):
         low, high = max(moved[0] - 1, 0), min(moved[-1] + 1, clay.slices)
@@ -373,7 +377,7 @@ def _reading(answer: Solution) -> Reading:
     message = f"the tolerance was not met on {clay.slices} slices" if late else ""
     if answer.status is Status.STALLED:
         message = f"{answer.method} stalled: no certificate"
-    return Reading(clay, True, message, answer.terms, error, zone, reach, bool(rough.floored))
+    return Reading(clay, True, message, answer.terms, error, zone, reach, floored)
 
 
 def _next_first(answer: Solution, tolerance: float) -> int:

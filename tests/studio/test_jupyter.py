@@ -34,8 +34,8 @@ def server(tmp_path_factory):
     )
     command = [
         sys.executable, "-m", "jupyterlab", "--no-browser", "--ServerApp.port=0", "--allow-root",
-        "--IdentityProvider.token=", "--ServerApp.password=", f"--ServerApp.root_dir={folder}",
-        "--LabApp.news_url=None", "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate",
+        "--IdentityProvider.token=", "--ServerApp.disable_check_xsrf=True",
+        "--ServerApp.password=", f"--ServerApp.root_dir={folder}", "--LabApp.news_url=None",
     ]  # fmt: skip
     environment = os.environ | {"JUPYTER_CONFIG_DIR": str(folder / "config")}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
@@ -95,6 +95,7 @@ def opened(server, path):
         page.goto(f"{server}/{path}/clay.ipynb")
         page.locator(".jp-CodeCell").first.wait_for(timeout=60_000)
         page.locator(".jp-Notebook-ExecutionIndicator[data-status=idle]").wait_for(timeout=60_000)
+        page.wait_for_timeout(2000)
         yield page
         assert complaints == []
         assert all(url.startswith((server, "data:", "blob:", "ws://127")) for url in asked
