@@ -12,6 +12,7 @@ import dataclasses
 import logging
 import math
 import tempfile
+import threading
 import uuid
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +34,7 @@ DRAWN = 256  # points of a contour at most
 _MOST_TEXT = 8 * 2**20
 _MOST_POINTS = 4096  # of one message
 _MOST_REPLAYED = 20_000  # points of a way that a page may have replayed: a minute or two
-_SLUMPS = 0.02  # over l: clay that sinks so far by itself slumps
+_SLUMPS = 0.05  # over l: clay that sinks so far by itself slumps
 Message = dict[str, Any]
 Answer = tuple[Message, list[bytes]]
 
@@ -52,6 +53,7 @@ class Desk:
         self.modeller, self.compilations = modeller, compilations
         self.session = uuid.uuid4().hex
         self._owner = ""  # the view whose stroke is under way
+        self._lock = threading.RLock()
         self._last: dict[str, int] = {}  # id of each view's last message
         self._actions: dict[str, Callable[[Message, list], list[Answer]]] = {
             "hello": self._hello, "begin": self._begin, "move": self._move, "rest": self._rest,
@@ -62,7 +64,11 @@ class Desk:
         }  # fmt: skip
 
     def answer(self, message: Any, buffers: Any = ()) -> list[Answer]:
-        """What to tell the views; never raises."""
+        """What to tell the views; never raises, from any thread."""
+        with self._lock:
+            return self._answer(message, buffers)
+
+    def _answer(self, message: Any, buffers: Any) -> list[Answer]:
         view, number = _who(message)
         try:
             action = self._actions.get(_text(message, "type", 32))
@@ -83,11 +89,12 @@ class Desk:
 
     def left(self, view: str) -> list[Answer]:
         """A view is gone: what it was drawing is done."""
-        self._last.pop(view, None)
-        if view != self._owner or not self.modeller.drawing:
-            return []
-        self._owner = ""
-        return [self._shape(self.modeller.end(), done=True)]
+        with self._lock:
+            self._last.pop(view, None)
+            if view != self._owner or not self.modeller.drawing:
+                return []
+            self._owner = ""
+            return [self._shape(self.modeller.end(), done=True)]
 
     def state(self) -> Message:
         """What views show beside the shape."""

@@ -35,7 +35,7 @@ from jaxclay.studio.solving import (
     smoothed,
 )
 from jaxclay.studio.starts import MATERIAL
-from jaxclay.studio.tool import Place, Way, contact, is_near
+from jaxclay.studio.tool import STEP, Place, Way, contact, is_near
 
 KEPT = 256  # strokes that can be undone
 MOST_POINTS = 5_000  # of a stroke's way
@@ -45,6 +45,7 @@ _FIRST = 64  # slices that a stroke begins on
 _PRESSES = 3  # in one place, where pressed clay comes up against the face elsewhere
 _SMOOTHS_WITHIN = 0.05  # over l: from the face to the clay
 _FAR = 20.0  # over l: where no tool stands
+_FAR_ON = 0.25  # steps from the last whole one: the tool is not shown there any more
 _EASY = 6.0  # times within the tolerance: half as many slices may do
 
 
@@ -189,7 +190,7 @@ class Modeller:
             for place in drawing.way.to(_bounded(point, drawing.clay)):
                 self._step(drawing, place, MOVING)
                 steps += 1
-        if not steps:  # or there is something new to be shown already
+        if not steps or drawing.way.rest > _FAR_ON * STEP:  # or the last step can be shown
             self._show(drawing, MOVING)
         return self._read(drawing, begin)
 

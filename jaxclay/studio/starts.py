@@ -35,5 +35,5 @@ STARTS: dict[str, Callable[[], Clay]] = {
 }
 """Clay of its own length unit, by the start's name."""
 
-MATERIAL = Material.from_snake_units(k=1.0, mu=1.0, alpha=5.0, beta=60.0)
-"""Clay that rounds what the tool leaves and stands by itself: smoother than the paper's."""
+MATERIAL = Material.from_snake_units(k=1.0, mu=0.1, alpha=1.0, beta=500.0)
+"""Clay that gives way far, rounds what the tool leaves and stands by itself."""

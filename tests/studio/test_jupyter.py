@@ -1,13 +1,12 @@
 """The widget in JupyterLab and Notebook 7: dragged there, its kernel killed, its piece restored."""
 
 import contextlib
-import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import time
-import urllib.request
 
 import nbformat
 import pytest
@@ -17,7 +16,9 @@ pytest.importorskip("anywidget")
 jupyterlab = pytest.importorskip("jupyterlab")
 
 CODE = "import jaxclay.studio\nstudio = jaxclay.studio.Studio()\nstudio"
-SAID = "print('radius', studio.clay.radii.min(), 'strokes', len(studio.modeller.piece.strokes))"
+SAID = """import os
+print('radius', studio.clay.radii.min(), 'strokes', len(studio.modeller.piece.strokes),
+      'process', os.getpid())"""
 WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
@@ -34,8 +35,8 @@ def server(tmp_path_factory):
     )
     command = [
         sys.executable, "-m", "jupyterlab", "--no-browser", "--ServerApp.port=0", "--allow-root",
-        "--IdentityProvider.token=", "--ServerApp.disable_check_xsrf=True",
-        "--ServerApp.password=", f"--ServerApp.root_dir={folder}", "--LabApp.news_url=None",
+        "--IdentityProvider.token=", "--ServerApp.password=", f"--ServerApp.root_dir={folder}",
+        "--LabApp.news_url=None",
     ]  # fmt: skip
     environment = os.environ | {"JUPYTER_CONFIG_DIR": str(folder / "config")}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
@@ -46,11 +47,6 @@ def server(tmp_path_factory):
         yield found[1]
         process.terminate()
         process.stderr.read()
-
-
-def kernels(server):
-    with urllib.request.urlopen(f"{server}/api/kernels", timeout=10) as answer:
-        return [kernel["id"] for kernel in json.load(answer)]
 
 
 def run_cell(page, index):
@@ -76,10 +72,9 @@ def reading(page):
     output = page.locator(".jp-CodeCell").nth(1).locator(".jp-OutputArea-output")
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
-        if output.count() and (
-            found := re.search(r"radius (\S+) strokes (\d+)", output.inner_text())
-        ):
-            return float(found[1]), int(found[2])
+        said = output.inner_text() if output.count() else ""
+        if found := re.search(r"radius (\S+) strokes (\d+) process (\d+)", said):
+            return float(found[1]), int(found[2]), int(found[3])
         page.wait_for_timeout(100)
     raise AssertionError("the second cell prints nothing")
 
@@ -89,7 +84,8 @@ def opened(server, path):
     complaints = []
     with browser(*WEBGL) as chromium:
         page = chromium.new_page(viewport={"width": 1400, "height": 1000}, reduced_motion="reduce")
-        page.on("pageerror", lambda error: complaints.append(str(error)))
+        # Of the module, which is loaded as a blob; the front ends complain of their own affairs.
+        page.on("pageerror", lambda error: complaints.append(error.stack))
         asked = []
         page.on("request", lambda request: asked.append(request.url))
         page.goto(f"{server}/{path}/clay.ipynb")
@@ -97,7 +93,7 @@ def opened(server, path):
         page.locator(".jp-Notebook-ExecutionIndicator[data-status=idle]").wait_for(timeout=60_000)
         page.wait_for_timeout(2000)
         yield page
-        assert complaints == []
+        assert [stack for stack in complaints if "blob:" in (stack or "")] == []
         assert all(url.startswith((server, "data:", "blob:", "ws://127")) for url in asked
                    if "localhost" not in url)  # fmt: skip
 
@@ -109,18 +105,15 @@ def test_the_widget_is_dragged_undone_and_survives_its_kernel(server, path):
         run_cell(page, 0)
         page.locator(".jc .pill.good").wait_for(timeout=90_000)
         drag(page)
-        radius, strokes = reading(page)
+        radius, strokes, process = reading(page)
         assert radius < 0.35
         assert strokes == 1
         page.get_by_role("button", name="Undo the last stroke").click()
         page.locator(".jc .stage[aria-busy=false]").wait_for(timeout=20_000)
         page.get_by_role("button", name="Redo").click()
         page.locator(".jc .stage[aria-busy=false]").wait_for(timeout=20_000)
-        for kernel in kernels(server):
-            request = urllib.request.Request(
-                f"{server}/api/kernels/{kernel}/restart", method="POST"
-            )
-            urllib.request.urlopen(request, timeout=60).close()
+        os.kill(process, signal.SIGKILL)
+        page.locator("dialog").get_by_role("button", name="Ok", exact=True).click(timeout=30_000)
         page.get_by_role("button", name="Undo the last stroke").click()
         page.get_by_role("alert").get_by_text("No answer").wait_for(timeout=15_000)
         page.wait_for_timeout(1000)
@@ -128,8 +121,5 @@ def test_the_widget_is_dragged_undone_and_survives_its_kernel(server, path):
         page.get_by_role("button", name="Restore it").click(timeout=60_000)
         page.locator(".jc .pill.good").last.wait_for(timeout=90_000)
         page.locator(".jc .stage[aria-busy=false]").last.wait_for(timeout=20_000)
-        again, strokes = reading(page)
+        again, *_ = reading(page)
         assert again == pytest.approx(radius, rel=1e-12)
-        for kernel in kernels(server):
-            request = urllib.request.Request(f"{server}/api/kernels/{kernel}", method="DELETE")
-            urllib.request.urlopen(request, timeout=60).close()
