@@ -74,7 +74,7 @@ def follow(
     """The answer to be shown on the way, from one close by where there is one."""
     if near is None or not is_adaptive(solver):
         return press(solver, clay, squash, material, MOVING, first)
-    found = place(clay, squash, material, near=float(near.problem.band.lower))
+    found = place(clay, squash, material)
     return followed(beside(found, near.clay.slices, near), newton_answer)
 
 

@@ -1,8 +1,6 @@
-"""A dragged tool: the band searched for beside the last one, answers beside the last answer."""
+"""A dragged tool: answers beside the last answer; and smoothing, which has no tool."""
 
 import numpy as np
-import pytest
-from scenes import PRINTED, SNAKE
 
 import jaxclay
 from jaxclay.schemes.slices.posing import place
@@ -14,25 +12,12 @@ CLAY = jaxclay.Clay.cylinder(0.4)
 SOFT = jaxclay.Material.from_snake_units(mu=0.5, alpha=20.0, beta=50.0)
 
 
-@pytest.mark.parametrize("material", [SNAKE, PRINTED, SOFT], ids=["snake", "printed", "soft"])
-def test_the_band_beside_another_is_that_of_the_whole_search(material):
-    rng = np.random.default_rng(3)
-    for _ in range(12):
-        bottom = rng.uniform(0.1, 0.6)
-        squash = jaxclay.Squash(bottom, bottom + rng.uniform(0.05, 0.3), rng.uniform(0.25, 0.45))
-        band = place(CLAY, squash, material).band
-        near = place(CLAY, squash, material, near=float(band.lower) + rng.uniform(-2e-3, 2e-3)).band
-        assert float(near.lower) == pytest.approx(float(band.lower), abs=1e-9)
-    far = place(CLAY, squash, material, near=0.9).band
-    assert float(far.lower) == pytest.approx(float(band.lower), abs=1e-9)
-
-
 def test_an_answer_beside_another_is_as_near_to_the_exact_one():
     squash = [jaxclay.Squash(0.4, 0.6, 0.36 - 0.003 * i) for i in range(4)]
     exact = jaxclay.deform(CLAY, squash[-1], SOFT, tolerance=1e-5).clay
     answer = followed(to_tolerance(place(CLAY, squash[0], SOFT), 1e-3, (64, 128)), newton_answer)
     for one in squash[1:]:
-        found = place(CLAY, one, SOFT, near=float(answer.problem.band.lower))
+        found = place(CLAY, one, SOFT)
         answer = followed(beside(found, 128, answer), newton_answer).raise_for_status()
     assert jaxclay.contour_error(answer.clay, exact) < 1e-3
 

@@ -61,17 +61,8 @@ class Placed(NamedTuple):
 
 
 @as_compiled()
-def place(
-    clay: Clay,
-    squash: Squash,
-    material: Material,
-    two_sided: Any = True,
-    near: float | None = None,
-) -> Placed:
-    """Find the band; ``two_sided`` is False where it is known to begin at the bottom.
-
-    ``near`` is the lower edge of a squash close by of the same clay: the search begins there.
-    """
+def place(clay: Clay, squash: Squash, material: Material, two_sided: Any = True) -> Placed:
+    """Find the band; ``two_sided`` is False where it is known to begin at the bottom."""
     if is_concrete(clay, squash, material):
         squash, material = as_float64((squash, material))
         # As it is it knows its interpolant.
@@ -82,7 +73,7 @@ def place(
     unit = clay.unit
     rest = clay.interpolant.over(unit)
     tool, r0 = tool_of(squash, unit), clay.r0 / unit**1.5
-    band = locate(rest, r0, tool, material, two_sided, near)
+    band = locate(rest, r0, tool, material, two_sided)
     edges = namespace(band).stack([band.lower, band.upper])
     layers = densities.layer_of(rest.slope(edges), r0, material)
     return Placed(
