@@ -54,7 +54,7 @@ def main() -> int:
         finally:
             process.terminate()
             process.wait(20)
-    image = Image.open(io.BytesIO(shot)).convert("RGB").quantize(200, dither=Image.Dither.NONE)
+    image = Image.open(io.BytesIO(shot)).convert("RGB").quantize(256)
     image.save(_PICTURE, optimize=True)
     print(f"wrote {_PICTURE}, {_PICTURE.stat().st_size / 1000:.0f} kB")
     return int(_PICTURE.stat().st_size > 300_000)

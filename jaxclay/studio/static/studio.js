@@ -927,7 +927,7 @@ class Studio {
   fit(step) {
     const width = this.stage.clientWidth, height = this.stage.clientHeight;
     if (!width || !height) return false;
-    const ratio = this.body.software ? (this.drag ? 0.75 : 1) : Math.min(devicePixelRatio || 1, 2);
+    const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.75 : 1) : Math.min(devicePixelRatio || 1, 2);
     for (const [canvas, r] of [[this.canvas, ratio], [this.over, Math.min(devicePixelRatio || 1, 2)]]) {
       const [w, h] = [Math.round(width * r), Math.round(height * r)];
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
