@@ -21,7 +21,6 @@ _ARGUMENTS = (
     "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 )  # fmt: skip
-_SIZE = {"width": 1120, "height": 800}
 
 
 def vase() -> Modeller:
@@ -65,7 +64,7 @@ def shown(address: str) -> bytes:
     with sync_playwright() as playwright:
         path = shutil.which("chromium")
         browser = playwright.chromium.launch(executable_path=path, args=list(_ARGUMENTS))
-        page = browser.new_page(viewport=_SIZE, color_scheme="light")
+        page = browser.new_page(viewport={"width": 1120, "height": 800}, color_scheme="light")
         page.goto(address)
         page.get_by_text("ready", exact=True).wait_for(timeout=120_000)
         page.wait_for_timeout(1500)

@@ -79,8 +79,8 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
     )  # fmt: skip
     command.add_argument(
         "--millimetres", type=float, metavar="MM",
-        help="of SVG and mesh, for one length unit of the profile (default: true size where the unit "
-        "is known, else 100)",
+        help="of SVG and mesh, for one length unit of the profile (default: true size where the "
+        "unit is known, else 100)",
     )  # fmt: skip
     command.add_argument("--top-fixed", action="store_true", help="hold the clay's upper end")
     for name in _CONSTANTS:

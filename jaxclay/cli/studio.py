@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import sys
 from typing import Any
 
 from jaxclay.files.profiles import PROFILES
@@ -18,7 +19,7 @@ def add_to(commands) -> None:
     )
     command.add_argument(
         "profile", nargs="?",
-        help=f"{', '.join(PROFILES)}, a CSV file with height,radius, or a piece saved as JSON "
+        help=f"{', '.join(PROFILES)}, a table of height and radius (CSV), or a piece (JSON) "
         "(default: a cylinder)",
     )  # fmt: skip
     command.add_argument("--target", metavar="CSV", help="profile whose outline is to be met")
@@ -30,17 +31,25 @@ def add_to(commands) -> None:
 
 
 def _studio(options: argparse.Namespace) -> int:
+    from jaxclay.files.profiles import read_profile
     from jaxclay.studio.host import Host
+    from jaxclay.studio.starts import piece_of
 
     if not 0 <= options.port < 65_536:
         raise ValueError(f"--port must lie between 0 and 65535, got {options.port}")
-    clay = None if options.profile is None else _given(options.profile)
-    target = None if options.target is None else _given(options.target)
+    piece, target = None, None
+    if options.profile is not None:
+        profile = read_profile(options.profile)
+        piece = piece_of(profile)
+        if profile.said:
+            print(f"{profile.name}: {profile.said}", file=sys.stderr)
+    if options.target is not None:
+        target = read_profile(options.target).cut().clay
 
     def make() -> Any:
         from jaxclay.studio.widget import Studio
 
-        return Studio(clay, target=getattr(target, "clay", target))
+        return Studio(piece, target=target)
 
     def started(address: str) -> None:
         print(f"jaxclay studio: {address} (Ctrl-C ends it)", flush=True)
@@ -51,14 +60,3 @@ def _studio(options: argparse.Namespace) -> int:
 
     asyncio.run(Host(make, options.port).run(started))
     return 0
-
-
-def _given(source: str) -> Any:
-    """The clay of a profile, or a piece."""
-    if source.lower().endswith(".json"):
-        from jaxclay.files.piece import load_piece
-
-        return load_piece(source)
-    from jaxclay.files.profiles import load_profile
-
-    return load_profile(source)

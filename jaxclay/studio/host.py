@@ -139,8 +139,9 @@ class Host:
             pass
         finally:
             self._tabs.discard(tab)
-            for view in views if self._widget is not None else ():
-                self._widget.left(view)
+            if self._widget is not None:
+                for view in views:
+                    self._widget.left(view)
 
     def _refuse(self, text: str) -> None:
         told = {"type": "refused", "message": text, "view": "", "id": 0}

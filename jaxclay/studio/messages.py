@@ -23,12 +23,13 @@ import numpy as np
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import slice_points
 from jaxclay.files.piece import Stroke, piece_of_json, piece_to_json
-from jaxclay.files.profiles import load_profile
+from jaxclay.files.profiles import Profile, read_profile
+from jaxclay.files.units import UNITS
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.studio.exports import EXPORTS
 from jaxclay.studio.modeller import Modeller, Reading, replay
 from jaxclay.studio.solving import SIZES, Compilations
-from jaxclay.studio.starts import STARTS
+from jaxclay.studio.starts import STARTS, piece_of
 
 DRAWN = 256  # points of a contour at most
 _MOST_TEXT = 8 * 2**20
@@ -175,10 +176,12 @@ class Desk:
 
     def _profile(self, message: Message, buffers: list) -> list[Answer]:
         self._check_free(message)
-        return self._done(self.modeller.open(_profile_of(message)))
+        profile = _profile_of(message, buffers)
+        told = {"type": "said", "message": profile.said}
+        return [*self._done(self.modeller.open(piece_of(profile))), (told, [])]
 
     def _target(self, message: Message, buffers: list) -> list[Answer]:
-        self.modeller.target = None if message.get("text") is None else _profile_of(message)
+        self.modeller.target = _profile_of(message, buffers).cut().clay if buffers else None
         return [self._target_told(), self._shape(self.modeller.reading, True)]
 
     def _save(self, message: Message, buffers: list) -> list[Answer]:
@@ -212,7 +215,7 @@ class Desk:
         millimetres = _number(message, "millimetres", 1e-3, 1e5)
         wall = _number(message, "wall", 0.0, 1e5) if message.get("wall") else None
         mime, made = EXPORTS[kind]
-        return [_file(f"clay.{kind}", mime, made(self.modeller.piece.clay, millimetres, wall))]
+        return [_file(f"clay.{kind}", mime, made(self.modeller.piece, millimetres, wall))]
 
     # Inside.
 
@@ -268,10 +271,10 @@ class Desk:
         if reading.terms is not None:
             told["energy"] = {name: float(v) for name, v in reading.terms._asdict().items()}
         if done:
-            match = m.match()
             told |= {
-                "match": _finite(match),
+                "match": _finite(m.match()),
                 "slumps": self.compilations.most > 0 and m.slump() > _SLUMPS,
+                "millimetres": UNITS.get(m.piece.length_unit or "") or 100.0,
             }
         return told, [contour(clay).tobytes()]
 
@@ -320,15 +323,18 @@ def _pairs(buffers: list) -> list[tuple[float, float]]:
     return [(float(height), float(radius)) for height, radius in points]
 
 
-def _profile_of(message: Message) -> Clay:
-    text = _text(message, "text", _MOST_TEXT)
+def _profile_of(message: Message, buffers: list) -> Profile:
+    """What is in a file of the user's, whose bytes are the one buffer."""
+    data = bytes(buffers[0]) if len(buffers) == 1 else b""
+    if not 0 < len(data) <= _MOST_TEXT:
+        raise ValueError(f"a profile is one file of 1 to {_MOST_TEXT} bytes")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "profile.csv"
-        path.write_text(text, encoding="utf-8", newline="")
+        path.write_bytes(data)
         try:
-            return load_profile(path)
+            return read_profile(path)
         except ValueError as error:
-            raise ValueError(str(error).removeprefix(f"{path}: ")) from None
+            raise ValueError(str(error).replace(str(path), "the file")) from None
 
 
 def _finite(value: float | None) -> float | None:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxclay.clay.clay import Clay
-from jaxclay.files.profiles import load_profile
+from jaxclay.files.piece import Piece
+from jaxclay.files.profiles import Profile, load_profile
 from jaxclay.model.material import Material
 
 _POINTS = 129
@@ -37,3 +38,11 @@ STARTS: dict[str, Callable[[], Clay]] = {
 
 MATERIAL = Material.from_snake_units(k=1.0, mu=0.1, alpha=1.0, beta=500.0)
 """Clay that gives way far, rounds what the tool leaves and stands by itself."""
+
+
+def piece_of(profile: Profile) -> Piece:
+    """The piece that a file is, or clay of its contour, standing at the file's own height."""
+    if isinstance(profile.drawn, Piece):
+        return profile.drawn
+    clay = profile.cut().clay
+    return Piece(clay, MATERIAL, base=profile.base, length_unit=profile.length_unit)

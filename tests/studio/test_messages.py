@@ -97,13 +97,15 @@ def test_messages_out_of_order_are_refused(page):
         ("begin", (), {"size": True, "face": 0.1}, "size must be"),
         ("start", (), {"name": "urn"}, "no shape 'urn'"),
         ("start", (), {"name": ["cone"]}, "must have a name"),
-        ("open", (), {"text": "{"}, "no piece"),
+        ("open", (), {"text": "{"}, "damaged or cut off"),
         ("open", (), {"text": "[" * 100_000}, "too deep"),
         ("open", (), {"text": '{"version": 2}'}, "newer jaxclay"),
         ("open", (), {"text": "x" * (9 * 2**20)}, "at most"),
-        ("profile", (), {"text": "height,radius\n0,1\n"}, ""),
-        ("profile", (), {"text": "height,radius\n0,1\n1,-1\n"}, ""),
-        ("target", (), {"text": "a,b\n"}, ""),
+        ("profile", (), {}, "a profile is one file"),
+        ("profile", (b"height,radius\n0,1\n",), {}, "the file"),
+        ("profile", (b"height,radius\n0,1\n1,nan\n",), {}, "the file"),
+        ("profile", (b"\0" * 1000,), {}, "the file"),
+        ("target", (b"a,b\n",), {}, "the file"),
         ("export", (), {"kind": "exe", "millimetres": 1}, "no export 'exe'"),
         ("export", (), {"kind": "stl", "millimetres": -1}, "millimetres must be"),
         ("export", (), {"kind": "stl", "millimetres": 100, "wall": 90.0}, "fills the piece"),
@@ -176,8 +178,21 @@ def test_a_piece_is_saved_opened_and_replayed(page):
 
 
 def test_a_target_is_drawn_and_matched(page):
-    rows = "height,radius\n0,0.4\n1,0.4\n"
-    (_, buffers), (shape, _) = page.ask("target", text=rows)
+    rows = b"height;radius\n0;0,4\n1;0,4\n"
+    (_, buffers), (shape, _) = page.ask("target", rows)
     assert np.frombuffer(buffers[0], "<f4").reshape(-1, 2)[:, 0].max() == pytest.approx(0.4)
     assert shape["match"] == pytest.approx(0.1)
-    assert page.ask("target", text=None)[0] == ({"type": "target", "view": "a", "id": 2}, [])
+    assert page.ask("target")[0] == ({"type": "target", "view": "a", "id": 2}, [])
+
+
+def test_a_profile_of_ones_own_becomes_the_piece_at_its_own_height(page):
+    rows = "Höhe;Durchmesser (mm)\n10;60\n110;80\n".encode("latin-1")
+    rows = rows.replace(b"H\xf6he", b"height (mm)")
+    (shape, _), _, (said, _) = page.ask("profile", rows)
+    assert shape["height"] == pytest.approx(100)
+    assert shape["millimetres"] == 1.0
+    assert "diameter" in said["message"]
+    piece = page.desk.modeller.piece
+    assert (piece.base, piece.length_unit) == (10.0, "mm")
+    ((_, (table,)),) = page.ask("export", kind="csv", millimetres=1.0)
+    assert b"110" in table

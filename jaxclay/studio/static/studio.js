@@ -526,7 +526,7 @@ class Studio {
         input.value = "";
         if (!file) return;
         if (file.size > 8 * 2 ** 20) this.refused("that file is larger than 8 MiB");
-        else act(await file.text(), file.name);
+        else act(file);
       });
       this.root.append(input);
       return () => input.click();
@@ -536,8 +536,8 @@ class Studio {
       if (this.start.value) this.act("start", { name: this.start.value });
       this.start.value = ""; } },
       make("option", { value: "" }, "New piece…"), ...STARTS.map((name) => make("option", { value: name }, name)));
-    const csv = pick(".csv,.txt,.tsv,text/*", (text, name) => this.act("profile", { text, name }));
-    const open = pick(".json,application/json", (text) => this.act("open", { text }));
+    const csv = pick(".csv,.txt,.tsv,text/*", async (file) => this.act("profile", {}, await file.arrayBuffer()));
+    const open = pick(".json,application/json", async (file) => this.act("open", { text: await file.text() }));
     this.kind = make("select", { "aria-label": "Format to export" }, ...["stl", "obj", "glb", "svg", "csv"].map(
       (kind) => make("option", { value: kind }, kind.toUpperCase())));
     const number = (value, label, low) => make("input", { type: "number", value, min: low, step: "any", "aria-label": label });
@@ -554,10 +554,10 @@ class Studio {
   }
 
   targetCard(button) {
-    const load = this.pick(".csv,.txt,.tsv,text/*", (text, name) => this.act("target", { text, name }));
+    const load = this.pick(".csv,.txt,.tsv,text/*", async (file) => this.act("target", {}, await file.arrayBuffer()));
     return this.card("Target outline", false, make("div", { class: "row" },
       button("From CSV…", "Draw the outline of a profile behind the clay", load),
-      button("Remove", "Remove the target", () => this.act("target", { text: null }))));
+      button("Remove", "Remove the target", () => this.act("target"))));
   }
 
   solverCard() {
@@ -579,14 +579,14 @@ class Studio {
     const id = ++this.id;
     this.pending.set(id, performance.now());
     this.stage.setAttribute("aria-busy", "true");
-    const buffers = points ? [new Float32Array(points).buffer] : [];
+    const buffers = points ? [points instanceof ArrayBuffer ? points : new Float32Array(points).buffer] : [];
     this.model.send({ ...content, view: this.view, id }, undefined, buffers);
     return id;
   }
 
-  act(type, more = {}) {
+  act(type, more = {}, bytes) {
     if (this.drag) this.let_go();
-    this.send({ type, ...more });
+    this.send({ type, ...more }, bytes);
   }
 
   set(name, value) {
@@ -615,6 +615,7 @@ class Studio {
     else if (message.type === "state") this.session = message.session;
     else if (message.type === "kept") this.keep(message.text);
     else if (message.type === "refused" && (mine || !message.view)) this.refused(message.message);
+    else if (message.type === "said" && mine && message.message) this.tell(message.message);
     else if (message.type === "file" && mine) this.download(message, buffers[0]);
     else if (message.type === "replay" && mine) this.play(buffers.map(floats), message.exact);
     if (first) this.pump();
@@ -628,11 +629,11 @@ class Studio {
     if (ms !== null) this.apart += 0.2 * (clamp(ms - message.solve, 0, 200) - this.apart);
     if (ms !== null) this.root.dispatchEvent(new CustomEvent("jaxclay-shape", { bubbles: true, composed: true,
       detail: { ms, solve: message.solve, type: message.type, certified: message.certified } }));
+    if (message.done && message.millimetres !== this.unit) this.millimetres.value = this.unit = message.millimetres;
     if (mine && message.strokes > 0) this.hint.classList.add("gone");
   }
 
   read(m) {
-    const unit = m.unit;
     this.out.height.textContent = figure(m.height);
     this.out.diameter.textContent = figure(m.diameter);
     this.out.volume.textContent = figure(m.volume, 6);
@@ -659,7 +660,6 @@ class Studio {
     this.redo.disabled = !m.redo;
     this.reset.disabled = !m.strokes;
     if (m.done) this.said.textContent = `Height ${figure(m.height, 3)}, widest diameter ${figure(m.diameter, 3)}. ${text}.`;
-    void unit;
   }
 
   refused(text) {
