@@ -13,6 +13,7 @@ import logging
 import math
 import tempfile
 import threading
+import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
@@ -35,6 +36,7 @@ DRAWN = 256  # points of a contour at most
 _MOST_TEXT = 8 * 2**20
 _MOST_POINTS = 4096  # of one message
 _MOST_REPLAYED = 20_000  # points of a way that a page may have replayed: a minute or two
+ABANDONED = 3.0  # seconds without a word: another view may go on
 _SLUMPS = 0.05  # over l: clay that sinks so far by itself slumps
 Message = dict[str, Any]
 Answer = tuple[Message, list[bytes]]
@@ -53,7 +55,7 @@ class Desk:
     def __init__(self, modeller: Modeller, compilations: Compilations):
         self.modeller, self.compilations = modeller, compilations
         self.session = uuid.uuid4().hex
-        self._owner = ""  # the view whose stroke is under way
+        self._owner, self._heard = "", 0.0  # the view whose stroke is under way, and when
         self._lock = threading.RLock()
         self._last: dict[str, int] = {}  # id of each view's last message
         self._actions: dict[str, Callable[[Message, list], list[Answer]]] = {
@@ -80,7 +82,7 @@ class Desk:
                 raise ValueError(f"message {number} comes after {self._last[view]}: out of order")
             self._remember(view, number)
             answers = action(message, list(buffers))
-        except REFUSALS as error:
+        except (*REFUSALS, ImportError) as error:  # ImportError: of an extra that is missing
             answers = [({"type": "refused", "message": str(error)[:500]}, [])]
         except Exception:
             logging.getLogger("jaxclay.studio").exception("a fault inside")
@@ -115,8 +117,8 @@ class Desk:
     def _begin(self, message: Message, buffers: list) -> list[Answer]:
         view = message.get("view")
         m = self.modeller
-        if m.drawing and view != self._owner:
-            raise ValueError("the piece is being shaped in another view")
+        if m.drawing:
+            self._check_owner(message)
         if not self.compilations.has(m.solver):
             raise ValueError("still preparing the solver: the tool works in a moment")
         if m.drawing:
@@ -129,7 +131,7 @@ class Desk:
             _text(message, "kind", 8), m.material, solver,
         )  # fmt: skip
         reading = m.begin(stroke)
-        self._owner = str(view)
+        self._owner, self._heard = str(view), time.monotonic()
         return [self._shape(reading)]
 
     def _move(self, message: Message, buffers: list) -> list[Answer]:
@@ -222,8 +224,13 @@ class Desk:
     def _check_owner(self, message: Message) -> None:
         if not self.modeller.drawing:
             raise ValueError("no stroke is under way: begin one first")
-        if message.get("view") != self._owner:
+        if message.get("view") == self._owner:
+            self._heard = time.monotonic()
+        elif time.monotonic() - self._heard < ABANDONED:
             raise ValueError("the piece is being shaped in another view")
+        else:
+            self.modeller.end()
+            raise ValueError("a stroke of another view has ended here: once more, please")
 
     def _check_free(self, message: Message) -> None:
         if self.modeller.drawing:

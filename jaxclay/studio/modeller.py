@@ -38,13 +38,14 @@ from jaxclay.studio.starts import MATERIAL
 from jaxclay.studio.tool import STEP, Place, Way, contact, is_near
 
 KEPT = 256  # strokes that can be undone
-MOST_POINTS = 5_000  # of a stroke's way
+MOST_POINTS = 20_000  # of a stroke's way
 THINNEST = 0.02  # over l: the tool comes no nearer to the axis
 TALLEST = 12.0  # over l: a squash that would raise the piece higher is refused
 _FIRST = 64  # slices that a stroke begins on
 _PRESSES = 3  # in one place, where pressed clay comes up against the face elsewhere
 _SMOOTHS_WITHIN = 0.05  # over l: from the face to the clay
 _FAR = 20.0  # over l: where no tool stands
+_LEAST, _MOST = 1e-3, 100.0  # over l: heights and radii of pieces
 _FAR_ON = 0.25  # steps from the last whole one: the tool is not shown there any more
 _EASY = 6.0  # times within the tolerance: half as many slices may do
 
@@ -122,6 +123,7 @@ class Modeller:
         self, clay: Clay | Piece, material: Material | None = None, target: Clay | None = None
     ):
         self._piece = clay if isinstance(clay, Piece) else Piece(clay, material or MATERIAL)
+        _check_size(self._piece)
         self.material = material or self._piece.material
         self.target, self.solver = target, Solver()
         self._past: list[Piece] = []
@@ -249,10 +251,17 @@ class Modeller:
         return self.cancel()
 
     def open(self, piece: Piece | Clay) -> Reading:
-        """Go on from another piece, with the material of one that has been saved."""
-        if isinstance(piece, Piece):
-            self.material = piece.material
-        self._become(piece if isinstance(piece, Piece) else Piece(piece, self.material))
+        """Go on from another piece, with the material of one that has been saved.
+
+        Raises
+        ------
+        ValueError
+            A piece a hundred times as large as when it first became clay, or a thousandth.
+        """
+        new = piece if isinstance(piece, Piece) else Piece(piece, self.material)
+        _check_size(new)
+        self.material = new.material
+        self._become(new)
         return self.cancel()
 
     def match(self) -> float | None:
@@ -393,6 +402,16 @@ def _bounded(place: Place, clay: Clay) -> Place:
     unit = float(clay.unit)
     far = _FAR * unit
     return Place(min(max(place.height, -far), far), min(max(place.radius, THINNEST * unit), far))
+
+
+def _check_size(piece: Piece) -> None:
+    for clay in (piece.clay, piece.start):
+        sizes = np.append(clay.radii, clay.height) / float(clay.unit)
+        if not (sizes.min() >= _LEAST and sizes.max() <= _MOST):
+            raise ValueError(
+                f"heights and radii must be {_LEAST:g} to {_MOST:g} times the unit "
+                f"{float(clay.unit):g}, got {sizes.min():.3g} to {sizes.max():.3g} times"
+            )
 
 
 def _check_points(count: int) -> None:

@@ -196,3 +196,18 @@ def test_a_profile_of_ones_own_becomes_the_piece_at_its_own_height(page):
     assert (piece.base, piece.length_unit) == (10.0, "mm")
     ((_, (table,)),) = page.ask("export", kind="csv", millimetres=1.0)
     assert b"110" in table
+
+
+def test_a_stroke_that_its_view_has_abandoned_does_not_lock_the_piece(page, monkeypatch):
+    other = Page(page.desk, "b")
+    page.begin((0.6, 0.4), (0.6, 0.34))
+    monkeypatch.setattr("jaxclay.studio.messages.ABANDONED", 0.0)
+    assert "once more" in other.refusal("undo")
+    assert other.ask("undo")[0][0]["strokes"] == 0
+
+
+def test_a_piece_of_absurd_size_is_refused(page):
+    from jaxclay.files.piece import Piece, piece_to_json
+
+    clay = Clay(np.arange(5) * 1e6, np.full(4, 1e6), 1.0, 1.0)
+    assert "times the unit" in page.refusal("open", text=piece_to_json(Piece(clay)))

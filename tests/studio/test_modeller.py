@@ -186,8 +186,8 @@ def test_a_cap_on_slices_is_said_where_the_tolerance_is_not_met(ready):
 
 def test_what_cannot_be_drawn_is_refused_and_the_piece_kept(modeller):
     before = modeller.clay
-    for path in ([(0.5, 0.4)] * 6000,):
-        with pytest.raises(ValueError, match="at most 5000 points"):
+    for path in ([(0.5, 0.4)] * 20_001,):
+        with pytest.raises(ValueError, match="at most 20000 points"):
             modeller.draw(stroke(path))
     with pytest.raises(ValueError, match="method must be one of newton"):
         modeller.draw(stroke(solver=Solver(method="lattice")))

@@ -11,6 +11,7 @@ const MOST_RINGS = 288;
 const IN_FLIGHT = [[0, 1], [18, 2], [45, 3]]; // requests, from so many ms under way without the solve
 const THINNEST = 0.02;
 const NUDGE = 0.01;
+const FINEST = 0.001; // of the tool's way, that is told
 const CALM_MS = 160; // without a move: the tool rests
 const KEYS_MS = 700; // without an arrow: the stroke of the keyboard is done
 const PATIENCE_MS = 5000;
@@ -823,6 +824,7 @@ class Studio {
   key(event) {
     const target = event.target, typing = target.matches?.("input[type=number], select, input[type=range]");
     const command = event.ctrlKey || event.metaKey, name = event.key.toLowerCase();
+    if (target.matches?.("input[type=number]")) return;
     if (command && name === "z") { event.preventDefault(); return this.act(event.shiftKey ? "redo" : "undo"); }
     if (command && name === "y") { event.preventDefault(); return this.act("redo"); }
     if (typing || target !== this.stage) return;
@@ -860,10 +862,18 @@ class Studio {
     const { tool, drag } = this;
     tool.height = clamp(height, -0.3, Math.max(this.shape.tall, 1) + 1);
     tool.radius = clamp(radius, THINNEST, 4);
-    drag.points.push(tool.height, tool.radius);
+    const [h, r] = drag.last ?? [Infinity, 0];
+    if (Math.hypot(tool.height - h, tool.radius - r) > FINEST) this.mark();
     drag.moved = true;
     drag.calm = performance.now() + CALM_MS;
     drag.rested = false;
+  }
+
+  /* The tool's place is part of its way. */
+  mark() {
+    const { tool, drag } = this;
+    drag.points.push(tool.height, tool.radius);
+    drag.last = [tool.height, tool.radius];
   }
 
   /* Send what the tool has gone since, if not too much is under way; nothing of its way is lost. */
@@ -889,6 +899,7 @@ class Studio {
     const drag = this.drag;
     clearTimeout(this.keyTimer);
     if (!drag) return;
+    if (drag.moved && drag.last && (drag.last[0] !== this.tool.height || drag.last[1] !== this.tool.radius)) this.mark();
     if (drag.moved && !drag.begun && !drag.refused) this.pump();
     if (drag.begun && !drag.refused) this.send({ type: "end" }, drag.points.length ? drag.points : undefined);
     else if (drag.begun) this.send({ type: "hello" });
