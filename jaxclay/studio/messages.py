@@ -275,6 +275,8 @@ class Desk:
             "floored": reading.floored, "solve": reading.milliseconds, "undo": m.undoable,
             "redo": m.redoable, "strokes": len(m.piece.strokes),
         }  # fmt: skip
+        if reading.late and not self.compilations.whole:
+            told["message"] = ""  # nothing to be mended: it will be met in a moment
         if reading.terms is not None:
             told["energy"] = {name: float(v) for name, v in reading.terms._asdict().items()}
         if done:

@@ -66,6 +66,8 @@ class Reading:
         E_total's (eq. 9), where there was a solve.
     error : float or None
         Estimate of the contour's error over l, where the answer was to a tolerance.
+    late : bool
+        Whether that was not met, on as many slices as are ready.
     zone : (2,) heights, length, or None
         Lowest and highest clay that the last squash moved.
     reach : float or None
@@ -81,6 +83,7 @@ class Reading:
     message: str = ""
     terms: Terms | None = None
     error: float | None = None
+    late: bool = False
     zone: tuple[float, float] | None = None
     reach: float | None = None
     floored: bool = False
@@ -387,7 +390,7 @@ def _reading(answer: Solution, floored: bool | None) -> Reading:
     message = f"the tolerance was not met on {clay.slices} slices" if late else ""
     if answer.status is Status.STALLED:
         message = f"{answer.method} stalled: no certificate"
-    return Reading(clay, True, message, answer.terms, error, zone, reach, floored)
+    return Reading(clay, True, message, answer.terms, error, late, zone, reach, floored)
 
 
 def _next_first(answer: Solution, tolerance: float) -> int:
