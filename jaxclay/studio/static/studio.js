@@ -581,8 +581,8 @@ class Studio {
     this.pending.set(id, performance.now());
     this.stage.setAttribute("aria-busy", "true");
     const buffers = points ? [points instanceof ArrayBuffer ? points : new Float32Array(points).buffer] : [];
-    this.model.send({ ...content, view: this.view, id }, undefined, buffers);
-    return id;
+    try { this.model.send({ ...content, view: this.view, id }, undefined, buffers); } catch { this.late(true); }
+    return id; // Jupyter cannot send where a kernel has ended
   }
 
   act(type, more = {}, bytes) {
