@@ -941,7 +941,7 @@ class Studio {
     const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.75 : 1) : Math.min(devicePixelRatio || 1, 2);
     for (const [canvas, r] of [[this.canvas, ratio], [this.over, Math.min(devicePixelRatio || 1, 2)]]) {
       const [w, h] = [Math.round(width * r), Math.round(height * r)];
-      if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+      if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; this.seen = null; }
     }
     const wheel = Math.max(0.62, this.shape.widest * 1.12, this.shape.foot * 1.2);
     const tall = Math.max(this.shape.tall, 0.9);
@@ -959,6 +959,12 @@ class Studio {
   }
 
   drawOver() {
+    // Only where something has changed: composing a page costs more than drawing it.
+    const { side, radius, height, size, face } = this.tool, { scale, x, y } = this.layout;
+    const seen = [side, radius, height, size, face, scale, x, y, this.over.width, this.over.height, this.dark,
+      this.smoothing, this.drag?.kind, this.drag?.begun && this.info.zone].join();
+    if (seen === this.seen && this.shape === this.outlined && this.target === this.outlinedTarget) return;
+    [this.seen, this.outlined, this.outlinedTarget] = [seen, this.shape, this.target];
     const c = this.over.getContext("2d"), v = this.layout, ratio = this.over.width / v.width;
     const style = getComputedStyle(this.root), of = (name) => style.getPropertyValue(name).trim();
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
