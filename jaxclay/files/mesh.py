@@ -17,7 +17,7 @@ import numpy as np
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import check_rises, slice_points
 from jaxclay.files.replacing import replacing
-from jaxclay.numerics.checks import check_positive, check_whole
+from jaxclay.numerics.checks import check_positive, check_whole, needing
 
 FORMATS = (".stl", ".obj", ".glb")
 _SIDES = 256
@@ -55,12 +55,8 @@ def mesh_of(
     ImportError
         trimesh is missing.
     """
-    try:
+    with needing("mesh", "jaxclay.files.mesh"):
         import trimesh
-    except ImportError as error:
-        raise ImportError(
-            "meshes need trimesh: pip install 'jaxclay[mesh]'", name=error.name
-        ) from error
     check_positive("millimetres", millimetres)
     check_whole("rings", rings, 8)
     check_rises(clay)

@@ -17,15 +17,13 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-try:
+from jaxclay.numerics.checks import needing
+
+with needing("studio", "jaxclay studio"):
     from websockets.asyncio.server import ServerConnection, serve
     from websockets.datastructures import Headers
     from websockets.exceptions import ConnectionClosed
     from websockets.http11 import Request, Response
-except ImportError as error:
-    raise ImportError(
-        "the studio's page needs websockets: pip install 'jaxclay[studio]'", name=error.name
-    ) from error
 
 ADDRESS = "127.0.0.1"
 MOST_BYTES = 16 * 2**20  # of a message

@@ -6,21 +6,18 @@ import math
 from pathlib import Path
 from typing import Any
 
-try:
-    import anywidget
-    import traitlets
-except ImportError as error:
-    raise ImportError(
-        "the studio needs anywidget: pip install 'jaxclay[studio]'", name=error.name
-    ) from error
-
 from jaxclay.clay.clay import Clay
 from jaxclay.files.piece import Piece, Solver
 from jaxclay.model.material import Material
+from jaxclay.numerics.checks import needing
 from jaxclay.studio.messages import Desk
 from jaxclay.studio.modeller import Modeller
 from jaxclay.studio.solving import FIXED, OFFERED, SCHEMES, Compilations, is_adaptive
 from jaxclay.studio.starts import STARTS
+
+with needing("studio", "jaxclay.studio.Studio"):
+    import anywidget
+    import traitlets
 
 _UNITS = 64  # slices whose raw differences alpha and beta weigh: snake units
 _SETTINGS = ("k", "mu", "alpha", "beta", "method", "scheme", "slices")
