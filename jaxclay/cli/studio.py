@@ -7,6 +7,7 @@ import asyncio
 import sys
 from typing import Any
 
+from jaxclay.files.output import stay_silent
 from jaxclay.files.profiles import PROFILES
 
 
@@ -58,5 +59,9 @@ def _studio(options: argparse.Namespace) -> int:
 
             webbrowser.open(address)
 
-    asyncio.run(Host(make, options.port).run(started))
+    stay_silent()
+    try:
+        asyncio.run(Host(make, options.port).run(started))
+    except KeyboardInterrupt:
+        print("jaxclay studio: ended", file=sys.stderr)
     return 0

@@ -938,7 +938,7 @@ class Studio {
   fit(step) {
     const width = this.stage.clientWidth, height = this.stage.clientHeight;
     if (!width || !height) return false;
-    const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.75 : 1) : Math.min(devicePixelRatio || 1, 2);
+    const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.6 : 1) : Math.min(devicePixelRatio || 1, 2);
     for (const [canvas, r] of [[this.canvas, ratio], [this.over, Math.min(devicePixelRatio || 1, 2)]]) {
       const [w, h] = [Math.round(width * r), Math.round(height * r)];
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; this.seen = null; }
@@ -1016,14 +1016,18 @@ class Studio {
     const wood = c.createLinearGradient(0, shape[2][1], 0, shape[4][1]);
     (smooth ? [[0, "#a9cdd3"], [0.45, "#7fb0b8"], [1, "#4d7f88"]] : [[0, "#f2d9ae"], [0.45, "#dcb67c"], [1, "#a87c46"]])
       .forEach((stop) => wood.addColorStop(...stop));
-    c.save();
-    c.shadowColor = "rgba(0,0,0,.35)";
-    c.shadowBlur = 14;
-    c.shadowOffsetY = 6;
+    // A shadow in steps: a blurred one costs a software renderer more than all the rest.
+    for (const [down, alpha] of [[9, 0.05], [6, 0.08], [3, 0.1]]) {
+      c.fillStyle = `rgba(0,0,0,${alpha})`;
+      c.save();
+      c.translate(0, down);
+      path();
+      c.restore();
+      c.fill();
+    }
     c.fillStyle = wood;
     path();
     c.fill();
-    c.restore();
     c.save();
     path();
     c.clip();
