@@ -41,11 +41,11 @@ if hasattr(builtins, "__IPYTHON__"):
 
 
 def __getattr__(name: str):
-    """``jaxclay.plots``, loaded when asked for, since it needs Matplotlib."""
-    if name == "plots":
+    """``jaxclay.plots`` and ``studio``, loaded when asked for, since they need more packages."""
+    if name in ("plots", "studio"):
         import importlib
 
-        return importlib.import_module("jaxclay.files.plots")
+        return importlib.import_module(f"jaxclay.{'files.' if name == 'plots' else ''}{name}")
     raise AttributeError(f"module 'jaxclay' has no attribute {name!r}")
 
 

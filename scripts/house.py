@@ -8,7 +8,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1] / "jaxclay"
 README = PACKAGE / "README.md"
 ROOMS = (
-    "numerics", "clay", "model", "schemes", "methods", "solve", "files", "experiments", "cli",
+    "numerics", "clay", "model", "schemes", "methods", "solve", "files", "experiments", "studio",
+    "cli",
 )  # fmt: skip
 _BEGIN, _END = "<!-- made by scripts/house.py -->\n```text\n", "```\n<!-- end -->"
 
@@ -29,9 +30,9 @@ def counts() -> dict[tuple[str, str], int]:
 def diagram() -> str:
     """A line a room, from the right: how often it imports which of those to its left."""
     found = counts()
-    lines = ["imports of".rjust(14) + "".join(room.rjust(9) for room in ROOMS[:-2])]
+    lines = ["imports of".rjust(14) + "".join(room.rjust(9) for room in ROOMS[:-3])]
     for room in ROOMS:
-        cells = [str(found.get((room, other), "")) for other in ROOMS[:-2]]
+        cells = [str(found.get((room, other), "")) for other in ROOMS[:-3]]
         lines.append(room.rjust(14) + "".join(cell.rjust(9) for cell in cells))
     return "\n".join(line.rstrip() for line in lines) + "\n"
 

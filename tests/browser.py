@@ -25,12 +25,12 @@ def chromium() -> str:
 
 
 @contextlib.contextmanager
-def browser() -> Iterator:
-    """Playwright's browser of the Chromium that is installed."""
+def browser(*more: str) -> Iterator:
+    """Playwright's browser of the Chromium that is installed, with more arguments if need be."""
     path = chromium()
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as running:
-        opened = running.chromium.launch(executable_path=path, args=list(_QUIET))
+        opened = running.chromium.launch(executable_path=path, args=[*_QUIET, *more])
         yield opened
         opened.close()
 

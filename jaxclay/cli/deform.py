@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from jaxclay.clay.clay import NEAR, Converted
+from jaxclay.clay.clay import NEAR, Clay, Converted
 from jaxclay.cli.squashes import describe, parse_squash, squash_of
 from jaxclay.files.output import check_target
 from jaxclay.files.piece import Piece, save_piece
@@ -21,7 +21,7 @@ from jaxclay.files.svg import save_svg
 from jaxclay.files.units import UNITS
 from jaxclay.methods import METHODS
 from jaxclay.model.material import Material
-from jaxclay.numerics.checks import check_tolerance
+from jaxclay.numerics.checks import check_positive, check_tolerance
 from jaxclay.solve.minimize import deform
 from jaxclay.solve.solution import Solution, Status
 
@@ -72,10 +72,15 @@ def add_to(commands, interrupt: Callable[[], None]) -> None:
         f"(default {_TOLERANCE:g})",
     )  # fmt: skip
     command.add_argument("--svg", type=Path, help="outline to write, in millimetres")
+    command.add_argument("--mesh", type=Path, help="body to write in millimetres (STL, OBJ, GLB)")
+    command.add_argument(
+        "--wall", type=float, metavar="MM",
+        help="of the mesh: a vessel of this thickness, for printing",
+    )  # fmt: skip
     command.add_argument(
         "--millimetres", type=float, metavar="MM",
-        help="of the SVG, for one length unit of the profile (default: true size where the unit "
-        "is known, else 100)",
+        help="of SVG and mesh, for one length unit of the profile (default: true size where the "
+        "unit is known, else 100)",
     )  # fmt: skip
     command.add_argument("--top-fixed", action="store_true", help="hold the clay's upper end")
     for name in _CONSTANTS:
@@ -178,7 +183,7 @@ def _chosen(options: argparse.Namespace) -> dict[str, Any]:
 
 def _targets(options: argparse.Namespace) -> dict[str, Path | None]:
     """The files to write, by their options."""
-    return {f"--{name}": getattr(options, name) for name in ("out", "piece", "plot", "svg")}
+    return {f"--{name}": getattr(options, name) for name in ("out", "piece", "plot", "svg", "mesh")}
 
 
 def _check_targets(options: argparse.Namespace) -> None:
@@ -199,6 +204,7 @@ def _check_targets(options: argparse.Namespace) -> None:
         )
     if options.piece is not None and options.piece.suffix.lower() != ".json":
         raise ValueError(f"--piece {options.piece}: the name must end in .json")
+    _check_mesh(options)
     if options.plot is None:
         return
     from jaxclay.files import plots
@@ -207,11 +213,27 @@ def _check_targets(options: argparse.Namespace) -> None:
         raise ValueError(f"--plot {options.plot}: the name must end in {', '.join(plots.FORMATS)}")
 
 
+def _check_mesh(options: argparse.Namespace) -> None:
+    """Raise before anything is solved if the mesh cannot be made."""
+    if options.mesh is None:
+        if options.wall is not None:
+            raise ValueError(f"--wall {options.wall:g} belongs to --mesh, which is not given")
+        return
+    from jaxclay.files.mesh import FORMATS, mesh_of
+
+    if options.mesh.suffix.lower() not in FORMATS:
+        raise ValueError(f"--mesh {options.mesh}: the name must end in {', '.join(FORMATS)}")
+    mesh_of(Clay.cylinder(), rings=8)  # or trimesh is missing
+    if options.wall is not None:
+        check_positive("--wall", options.wall)
+
+
 def _write(
     solution: Solution, profile: Profile, material: Material, options: argparse.Namespace
 ) -> None:
     """Write all files, or none: each appears when the last has been made."""
     base, unit = profile.base, profile.length_unit
+    millimetres = options.millimetres or UNITS.get(unit or "") or 100.0
     with ExitStack() as files:
         if options.plot is not None:
             from jaxclay.files import plots
@@ -219,7 +241,12 @@ def _write(
             plots.save(solution, files.enter_context(replacing(options.plot)), base)
         if options.svg is not None:
             path = files.enter_context(replacing(options.svg))
-            save_svg(solution.clay, path, options.millimetres or UNITS.get(unit or "") or 100.0)
+            save_svg(solution.clay, path, millimetres)
+        if options.mesh is not None:
+            from jaxclay.files.mesh import save_mesh
+
+            path = files.enter_context(replacing(options.mesh))
+            save_mesh(solution.clay, path, millimetres, options.wall)
         if options.piece is not None:
             piece = Piece(solution.clay, material, base=base, length_unit=unit)
             save_piece(files.enter_context(replacing(options.piece)), piece)

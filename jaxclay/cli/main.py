@@ -15,6 +15,7 @@ import types
 from jaxclay.cli.deform import add_to as add_deform
 from jaxclay.cli.squashes import joined
 from jaxclay.cli.starting import INTERRUPTED
+from jaxclay.cli.studio import add_to as add_studio
 from jaxclay.experiments.options import add_to as add_experiments
 from jaxclay.files.output import open_streams, patient_output
 from jaxclay.numerics.checks import Hindrance
@@ -110,6 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     add_experiments(commands, check_interrupt)
     add_deform(commands, check_interrupt)
+    add_studio(commands)
     return parser
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import math
 import os
 import stat
 import sys
@@ -35,7 +36,7 @@ class _Patient:
 
     def write(self, text: str) -> int:
         """Write, with escapes for characters that the stream does not know."""
-        self.last = time.monotonic()
+        self.last = max(self.last, time.monotonic())
         try:
             self._stream.write(text)
         except UnicodeEncodeError:
@@ -97,8 +98,15 @@ def _speak(ended: threading.Event, out: _Patient, err: _Patient) -> None:
                 err.write(f"still at work after {now - begin:.0f} s\n")
                 err.flush()
             due = now + SILENT
-        if ended.wait(due - now):
+        if ended.wait(min(due - now, SILENT)):
             return
+
+
+def stay_silent() -> None:
+    """Say no more that the work goes on: this process waits for others."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, _Patient):
+            stream.last = math.inf
 
 
 def open_streams() -> None:

@@ -23,7 +23,8 @@ An object with these keys, in the piece's own length unit and its own heights:
     the tool is seen; ``size``, length, the tool's height; ``face``, length, the height of its
     face that touches the clay; ``material`` as above, or null for the piece's own; ``path``,
     rows [height, radius], lengths, where the middle of the face went; ``kind``, "press" or
-    "smooth".
+    "smooth"; ``solver``, an object with ``method``, ``scheme``, ``slices`` (0 for as many as the
+    modeller's tolerance needs) and ``most`` (slices then), or null for the modeller's own.
 
 Numbers are written so that they read back bit for bit.
 """
@@ -52,8 +53,9 @@ from jaxclay.files.checked import (
 )
 from jaxclay.files.replacing import replacing
 from jaxclay.files.units import UNITS
+from jaxclay.methods import METHODS
 from jaxclay.model.material import Material
-from jaxclay.numerics.checks import check_increasing, check_nodes, check_positive
+from jaxclay.numerics.checks import check_increasing, check_nodes, check_positive, check_whole
 
 VERSION = 1
 _MOST_BYTES = 2**26
@@ -62,9 +64,43 @@ _MOST_POINTS = 10**6  # of all strokes together
 _SIDES, _KINDS = ("right", "left"), ("press", "smooth")
 _CLAY = ("r0", "nodes", "heights", "thickness", "edges")
 _CONSTANTS = tuple(field.name for field in dataclasses.fields(Material))
-_STROKE = ("side", "size", "face", "material", "path", "kind")
+_STROKE = ("side", "size", "face", "material", "path", "kind", "solver")
+_SOLVER = ("method", "scheme", "slices", "most")
 _PIECE = ("version", "unit", "length_unit", *_CLAY, "material", "start", "strokes")
-_OPTIONAL = ("length_unit", "thickness")
+_OPTIONAL = ("length_unit", "thickness", "solver")
+
+
+@dataclasses.dataclass(frozen=True)
+class Solver:
+    """How a stroke's squashes are solved.
+
+    Attributes
+    ----------
+    method : str
+        A key of :data:`jaxclay.METHODS`.
+    scheme : "slices" or "paper"
+    slices : int
+        How many, or 0 for as many as the modeller's tolerance needs.
+    most : int
+        Slices that an answer to a tolerance may have.
+
+    Raises
+    ------
+    ValueError
+        What is none of these, by name.
+    """
+
+    method: str = "newton"
+    scheme: str = "slices"
+    slices: int = 0
+    most: int = 512
+
+    def __post_init__(self):
+        for name, allowed in (("method", tuple(METHODS)), ("scheme", ("slices", "paper"))):
+            if (value := getattr(self, name)) not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {short(value)}")
+        check_whole("slices", self.slices, 0)
+        check_whole("most", self.most, 3)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +118,8 @@ class Stroke:
     kind : "press" or "smooth"
     material : Material, optional
         None is the piece's own.
+    solver : Solver, optional
+        None is the modeller's own.
 
     Raises
     ------
@@ -95,6 +133,7 @@ class Stroke:
     path: tuple[tuple[float, float], ...]
     kind: str = "press"
     material: Material | None = None
+    solver: Solver | None = None
 
     def __post_init__(self):
         for name, allowed in (("side", _SIDES), ("kind", _KINDS)):
@@ -308,12 +347,15 @@ def _material(value: Any, where: str) -> Material:
 
 
 def _stroke(value: Any, where: str) -> Stroke:
-    raw = as_object(value, where, _STROKE)
+    raw = as_object(value, where, _STROKE, _OPTIONAL)
     path = tuple(as_pairs(raw["path"], f"{where}.path", _MOST_POINTS))
     size, face = (as_number(raw[key], f"{where}.{key}") for key in ("size", "face"))
     own = raw["material"]
     material = None if own is None else _material(own, f"{where}.material")
     try:
-        return Stroke(raw["side"], size, face, path, raw["kind"], material)
+        how = raw.get("solver")
+        known = None if how is None else as_object(how, f"{where}.solver", _SOLVER)
+        solver = None if known is None else Solver(**known)
+        return Stroke(raw["side"], size, face, path, raw["kind"], material, solver)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None

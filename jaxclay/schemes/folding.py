@@ -16,20 +16,24 @@ def system_of(
     free: Bool[Array, "nodes"],
     target: Float[Array, "nodes"],
     upper: Bool[Array, "nodes-1"],
+    emphasis: Float[Array, "nodes-1"] | None = None,
 ) -> System:
     """The system of a rest shape whose ``free`` nodes (n+1,) move and the others to ``target``.
 
-    ``upper`` (n,): whether a slice lies above the band's lower edge.
+    ``upper`` (n,): whether a slice lies above the band's lower edge.  ``emphasis`` (n,): how many
+    times alpha and beta count at each slice, 1 if not given.
     """
     xp = namespace(rest, sums, material, free, target, upper)
+    more = xp.ones(sums.width.shape[0]) if emphasis is None else emphasis
+    pairs = (more[1:] + more[:-1]) / 2
     loose = free[1:] | free[:-1]
     limit = free * (material.mu * sums.nodes)
     between = loose[1:] | loose[:-1]
     turning = between[1:] | between[:-1]
     apart = 1 / sums.apart
-    weight = between * sums.between * apart * apart
+    weight = pairs * between * sums.between * apart * apart
     tension, change = 2 * material.alpha * weight, 2 * material.beta * weight
-    turn = 2 * material.beta * turning / sums.turn
+    turn = 2 * material.beta * more[1:-1] * turning / sums.turn
     return System(
         free=1.0 * free,
         target=target,
@@ -39,7 +43,7 @@ def system_of(
         rest_thickness=rest.thickness,
         floor=loose * (material.floor * rest.thickness),
         strain=loose * sums.slices * material.k,
-        slope=2 * material.alpha * loose * sums.slices,
+        slope=2 * material.alpha * more * loose * sums.slices,
         radii=_by_radii(apart, tension, turn),
         apart=apart,
         tension=tension,

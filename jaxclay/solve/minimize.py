@@ -102,13 +102,13 @@ def deform(
     check_fits(squash, clay)
     found = place(clay, squash, material)
     if tolerance is not None:
-        return _by(method, settings, followed(to_tolerance(found, float(tolerance)), _newton))
+        return _by(method, settings, followed(to_tolerance(found, float(tolerance)), newton_answer))
     wanted = clay.slices if slices is None else slices
     total, counts = counted(wanted)
     if spacing == "equal" or counts is not None or total < least_slices(found.band):
         posed = pose_on_host(found, wanted, spacing or "placed")
         return minimize(posed, method, **settings)
-    return _by(method, settings, followed(on_slices(found, total), _newton))
+    return _by(method, settings, followed(on_slices(found, total), newton_answer))
 
 
 def _check_tolerance(tolerance, concrete: bool, scheme, slices, spacing) -> None:
@@ -131,7 +131,8 @@ def _check_tolerance(tolerance, concrete: bool, scheme, slices, spacing) -> None
     check_tolerance(tolerance)
 
 
-def _newton(wanted: Wanted) -> Solution:
+def newton_answer(wanted: Wanted) -> Solution:
+    """What a plan asks for, by newton, in one compiled call."""
     problem = wanted.problem
     with as_compiled():
         start, feasible = newton_start(wanted)

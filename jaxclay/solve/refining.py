@@ -48,6 +48,14 @@ def on_slices(found: Placed, slices: int) -> Plan:
     return _with_levels(answers)
 
 
+def beside(found: Placed, slices: int, near: Solution) -> Plan:
+    """The answer on n slices, placed by and started from that to a squash close by.
+
+    Both of the same clay: a tool that is dragged.
+    """
+    return (yield from _next(found, slices, [near]))
+
+
 def to_tolerance(found: Placed, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:
     """The answer on as few slices as put its contour within the tolerance, over the unit l.
 

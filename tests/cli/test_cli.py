@@ -368,3 +368,24 @@ def test_argparse_refuses_with_2():
     with pytest.raises(SystemExit) as ended:
         main(["deform", "teapot"])
     assert ended.value.code == 2
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj", "glb"])
+def test_deform_writes_a_body_in_millimetres(tmp_path, kind):
+    trimesh = pytest.importorskip("trimesh")
+    paths = [str(tmp_path / name) for name in ("shape.csv", f"shape.{kind}")]
+    squash = ["--squash", "0:0.3:0.3", "--tolerance", "1e-3"]
+    assert main(["deform", "amphora", *squash, "--out", paths[0], "--mesh", paths[1]]) == 0
+    mesh = trimesh.load(paths[1], force="mesh")
+    assert mesh.is_watertight
+    clay = jaxclay.load_profile(paths[0])
+    assert mesh.volume == pytest.approx(float(clay.volume) * 1e6, rel=1e-3)
+
+
+def test_deform_refuses_a_mesh_before_it_solves(tmp_path, capsys):
+    given = ["deform", "amphora", "--squash", "0:0.3:0.3", "--out", str(tmp_path / "a.csv")]
+    assert main([*given, "--mesh", str(tmp_path / "a.ply")]) == 2
+    assert "must end in .stl" in capsys.readouterr().err
+    assert main([*given, "--wall", "2"]) == 2
+    assert "belongs to --mesh" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 COMMANDS = {
+    "studio": "studio",
     "compare": "sweep",
     "compare --peers": "sweep",
     "atlas": "sweep",
@@ -21,6 +22,7 @@ COMMANDS = {
     "deform bowl --squash 0:0.1:0.2 --out a.csv --plot a.png": "plot",
 }
 CALLS = {
+    "jaxclay.studio.Studio": "studio",
     "jaxclay.plots.contour": "plot",
     "jaxclay.compare.load('out')": "sweep",
     "jaxclay.experiments.run('paper', 'out')": "sweep",

@@ -81,7 +81,7 @@ def test_the_form_is_the_documented_one():
     assert set(raw["start"]) == {"r0", "nodes", "heights", "thickness", "edges"}
     assert raw["strokes"][0] == {
         "side": "right", "size": 20.0, "face": 12.5, "path": [[70.0, 45.0], [71.0, 44.5]],
-        "kind": "press", "material": None,
+        "kind": "press", "material": None, "solver": None,
     }  # fmt: skip
 
 

@@ -1,0 +1,354 @@
+"""What a page may ask of a modeller, checked, and what it is told.
+
+A message is an object with a ``type``, a ``view`` (who asks), an ``id`` (a number that grows) and
+perhaps buffers.  Lengths in buffers are float32, over the unit l: places of the tool as pairs
+(height, radius), contours as pairs (radius, height).  Whatever is wrong with a message, the piece
+stays, and the answer has the type "refused" and says why.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import math
+import tempfile
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxclay.clay.clay import Clay
+from jaxclay.clay.contour import slice_points
+from jaxclay.files.piece import Stroke, piece_of_json, piece_to_json
+from jaxclay.files.profiles import Profile, read_profile
+from jaxclay.files.units import UNITS
+from jaxclay.numerics.checks import REFUSALS
+from jaxclay.studio.exports import EXPORTS
+from jaxclay.studio.modeller import Modeller, Reading, replay
+from jaxclay.studio.solving import SIZES, Compilations
+from jaxclay.studio.starts import STARTS, piece_of
+
+DRAWN = 256  # points of a contour at most
+_MOST_TEXT = 8 * 2**20
+_MOST_POINTS = 4096  # of one message
+_MOST_REPLAYED = 20_000  # points of a way that a page may have replayed: a minute or two
+ABANDONED = 3.0  # seconds without a word: another view may go on
+_SLUMPS = 0.05  # over l: clay that sinks so far by itself slumps
+Message = dict[str, Any]
+Answer = tuple[Message, list[bytes]]
+
+
+class Desk:
+    """A modeller, and all views of it: they see one piece and share its strokes.
+
+    Parameters
+    ----------
+    modeller : Modeller
+    compilations : Compilations
+        What is ready: no stroke begins before its solver is.
+    """
+
+    def __init__(self, modeller: Modeller, compilations: Compilations):
+        self.modeller, self.compilations = modeller, compilations
+        self.session = uuid.uuid4().hex
+        self._owner, self._heard = "", 0.0  # the view whose stroke is under way, and when
+        self._lock = threading.RLock()
+        self._last: dict[str, int] = {}  # id of each view's last message
+        self._actions: dict[str, Callable[[Message, list], list[Answer]]] = {
+            "hello": self._hello, "begin": self._begin, "move": self._move, "rest": self._rest,
+            "end": self._end, "cancel": self._cancel, "undo": self._undo, "redo": self._redo,
+            "reset": self._reset, "start": self._start, "profile": self._profile,
+            "target": self._target, "save": self._save, "open": self._open,
+            "replay": self._replay, "export": self._export,
+        }  # fmt: skip
+
+    def answer(self, message: Any, buffers: Any = ()) -> list[Answer]:
+        """What to tell the views; never raises, from any thread."""
+        with self._lock:
+            return self._answer(message, buffers)
+
+    def _answer(self, message: Any, buffers: Any) -> list[Answer]:
+        view, number = _who(message)
+        try:
+            action = self._actions.get(_text(message, "type", 32))
+            if action is None:
+                known = ", ".join(self._actions)
+                raise ValueError(f"no message of type {message['type']!r}: one of {known}")
+            if message["type"] != "hello" and number <= self._last.get(view, -1):
+                raise ValueError(f"message {number} comes after {self._last[view]}: out of order")
+            self._remember(view, number)
+            answers = action(message, list(buffers))
+        except (*REFUSALS, ImportError) as error:  # ImportError: of an extra that is missing
+            answers = [({"type": "refused", "message": str(error)[:500]}, [])]
+        except Exception:
+            logging.getLogger("jaxclay.studio").exception("a fault inside")
+            text = "a fault inside, not in what was asked: the piece is kept"
+            answers = [({"type": "refused", "message": text}, [])]
+        return [(content | {"view": view, "id": number}, sent) for content, sent in answers]
+
+    def left(self, view: str) -> list[Answer]:
+        """A view is gone: what it was drawing is done."""
+        with self._lock:
+            self._last.pop(view, None)
+            if view != self._owner or not self.modeller.drawing:
+                return []
+            self._owner = ""
+            return [self._shape(self.modeller.end(), done=True)]
+
+    def state(self) -> Message:
+        """What views show beside the shape."""
+        m = self.modeller
+        ready = {"ready": self.compilations.has(m.solver), "most": self.compilations.most}
+        return ready | {
+            "all": self.compilations.whole, "sizes": len(SIZES), "starts": list(STARTS),
+            "exports": list(EXPORTS), "session": self.session,
+        }  # fmt: skip
+
+    # Strokes.
+
+    def _hello(self, message: Message, buffers: list) -> list[Answer]:
+        told = [({"type": "state"} | self.state(), []), self._shape(self.modeller.reading, True)]
+        return told if self.modeller.target is None else [*told, self._target_told()]
+
+    def _begin(self, message: Message, buffers: list) -> list[Answer]:
+        view = message.get("view")
+        m = self.modeller
+        if m.drawing:
+            self._check_owner(message)
+        if not self.compilations.has(m.solver):
+            raise ValueError("still preparing the solver: the tool works in a moment")
+        if m.drawing:
+            m.end()
+        unit = float(m.clay.unit)
+        size, face = (_number(message, name, 1e-3, 10.0) * unit for name in ("size", "face"))
+        solver = dataclasses.replace(m.solver, most=self.compilations.most)
+        stroke = Stroke(
+            _text(message, "side", 8), size, min(face, size), self._path(buffers, 1),
+            _text(message, "kind", 8), m.material, solver,
+        )  # fmt: skip
+        reading = m.begin(stroke)
+        self._owner, self._heard = str(view), time.monotonic()
+        return [self._shape(reading)]
+
+    def _move(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_owner(message)
+        return [self._shape(self.modeller.move(self._path(buffers, 0)))]
+
+    def _rest(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_owner(message)
+        return [self._shape(self.modeller.rest())]
+
+    def _end(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_owner(message)
+        if buffers:
+            self.modeller.move(self._path(buffers, 0))
+        self._owner = ""
+        return self._done(self.modeller.end())
+
+    def _cancel(self, message: Message, buffers: list) -> list[Answer]:
+        if self.modeller.drawing:
+            self._check_owner(message)
+        self._owner = ""
+        return [self._shape(self.modeller.cancel(), True)]
+
+    def _undo(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_free(message)
+        return self._done(self.modeller.undo())
+
+    def _redo(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_free(message)
+        return self._done(self.modeller.redo())
+
+    def _reset(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_free(message)
+        return self._done(self.modeller.reset())
+
+    # Pieces and files.
+
+    def _start(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_free(message)
+        name = _text(message, "name", 32)
+        if name not in STARTS:
+            raise ValueError(f"no shape {name!r} to start from: one of {', '.join(STARTS)}")
+        return self._done(self.modeller.open(STARTS[name]()))
+
+    def _profile(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_free(message)
+        profile = _profile_of(message, buffers)
+        told = {"type": "said", "message": profile.said}
+        return [*self._done(self.modeller.open(piece_of(profile))), (told, [])]
+
+    def _target(self, message: Message, buffers: list) -> list[Answer]:
+        self.modeller.target = _profile_of(message, buffers).cut().clay if buffers else None
+        return [self._target_told(), self._shape(self.modeller.reading, True)]
+
+    def _save(self, message: Message, buffers: list) -> list[Answer]:
+        text = piece_to_json(self.modeller.piece)
+        return [_file("piece.json", "application/json", text.encode())]
+
+    def _open(self, message: Message, buffers: list) -> list[Answer]:
+        self._check_free(message)
+        piece = piece_of_json(_text(message, "text", _MOST_TEXT))
+        return [*self._done(self.modeller.open(piece)), ({"type": "material"}, [])]
+
+    def _replay(self, message: Message, buffers: list) -> list[Answer]:
+        """Contours after each stroke, and whether the last is the piece's, bit for bit."""
+        self._check_free(message)
+        piece = self.modeller.piece
+        if sum(len(stroke.path) for stroke in piece.strokes) > _MOST_REPLAYED:
+            raise ValueError(f"replaying more than {_MOST_REPLAYED} points would take minutes")
+        again = dataclasses.replace(piece, clay=piece.start, strokes=())
+        frames = [contour(again.clay)]
+        for stroke in piece.strokes:
+            made = replay(dataclasses.replace(again, strokes=(stroke,)))
+            again = dataclasses.replace(again, clay=made.clay)
+            frames.append(contour(again.clay))
+        same = np.array_equal(again.clay.heights, piece.clay.heights)
+        return [({"type": "replay", "exact": same}, [points.tobytes() for points in frames])]
+
+    def _export(self, message: Message, buffers: list) -> list[Answer]:
+        kind = _text(message, "kind", 8)
+        if kind not in EXPORTS:
+            raise ValueError(f"no export {kind!r}: one of {', '.join(EXPORTS)}")
+        millimetres = _number(message, "millimetres", 1e-3, 1e5)
+        wall = _number(message, "wall", 0.0, 1e5) if message.get("wall") else None
+        mime, made = EXPORTS[kind]
+        return [_file(f"clay.{kind}", mime, made(self.modeller.piece, millimetres, wall))]
+
+    # Inside.
+
+    def _check_owner(self, message: Message) -> None:
+        if not self.modeller.drawing:
+            raise ValueError("no stroke is under way: begin one first")
+        if message.get("view") == self._owner:
+            self._heard = time.monotonic()
+        elif time.monotonic() - self._heard < ABANDONED:
+            raise ValueError("the piece is being shaped in another view")
+        else:
+            self.modeller.end()
+            raise ValueError("a stroke of another view has ended here: once more, please")
+
+    def _check_free(self, message: Message) -> None:
+        if self.modeller.drawing:
+            self._check_owner(message)
+            self.modeller.cancel()
+            self._owner = ""
+
+    def _remember(self, view: str, number: int) -> None:
+        self._last.pop(view, None)
+        self._last[view] = number
+        if len(self._last) > 64:
+            del self._last[next(iter(self._last))]
+
+    def _path(self, buffers: list, least: int) -> tuple[tuple[float, float], ...]:
+        points = _pairs(buffers)
+        if len(points) < least:
+            raise ValueError("a stroke begins at a place of the tool: a pair of float32")
+        unit = float(self.modeller.clay.unit)
+        return tuple((height * unit, max(radius, 0.0) * unit) for height, radius in points)
+
+    def _done(self, reading: Reading) -> list[Answer]:
+        """The shape, and what a page keeps of it in case that this process ends."""
+        kept = dataclasses.replace(self.modeller.piece, start=None, strokes=())
+        return [self._shape(reading, True), ({"type": "kept", "text": piece_to_json(kept)}, [])]
+
+    def _target_told(self) -> Answer:
+        target = self.modeller.target
+        if target is None:
+            return {"type": "target"}, []
+        points = slice_points(target) / float(self.modeller.clay.unit)
+        return {"type": "target"}, [_thinned(points).astype("<f4").tobytes()]
+
+    def _shape(self, reading: Reading, done: bool = False) -> Answer:
+        m, clay = self.modeller, reading.clay
+        unit = float(clay.unit)
+        zone = None if reading.zone is None else [height / unit for height in reading.zone]
+        told: Message = {
+            "type": "shape", "done": done, "unit": unit, "height": float(clay.height),
+            "diameter": 2 * float(clay.radii.max()), "volume": float(clay.volume),
+            "slices": clay.slices, "certified": reading.certified, "message": reading.message,
+            "error": _finite(reading.error), "zone": zone, "reach": reading.reach,
+            "floored": reading.floored, "solve": reading.milliseconds, "undo": m.undoable,
+            "redo": m.redoable, "strokes": len(m.piece.strokes),
+        }  # fmt: skip
+        if reading.late and not self.compilations.whole:
+            told["message"] = ""  # nothing to be mended: it will be met in a moment
+        if reading.terms is not None:
+            told["energy"] = {name: float(v) for name, v in reading.terms._asdict().items()}
+        if done:
+            told |= {
+                "match": _finite(m.match()),
+                "slumps": self.compilations.most > 0 and m.slump() > _SLUMPS,
+                "millimetres": UNITS.get(m.piece.length_unit or "") or 100.0,
+            }
+        return told, [contour(clay).tobytes()]
+
+
+def contour(clay: Clay) -> np.ndarray:
+    """(m, 2) float32 points (radius, height) over l to be drawn, 256 at most."""
+    return _thinned(slice_points(clay) / float(clay.unit)).astype("<f4")
+
+
+def _thinned(points: np.ndarray) -> np.ndarray:
+    if len(points) <= DRAWN:
+        return points
+    return points[np.round(np.linspace(0, len(points) - 1, DRAWN)).astype(int)]
+
+
+def _who(message: Any) -> tuple[str, int]:
+    """The view and the number of a message, whatever it is."""
+    found = message if isinstance(message, dict) else {}
+    view: Any = found.get("view")
+    number: Any = found.get("id")
+    known = isinstance(number, int) and 0 <= number < 2**53
+    return view[:64] if isinstance(view, str) else "", int(number) if known else 0
+
+
+def _text(message: Any, name: str, most: int) -> str:
+    value = message.get(name) if isinstance(message, dict) else None
+    if not isinstance(value, str) or len(value) > most:
+        raise ValueError(f"a message must have a {name} of at most {most} characters")
+    return value
+
+
+def _number(message: Message, name: str, low: float, high: float) -> float:
+    value: Any = message.get(name)
+    if type(value) not in (int, float) or not low <= value <= high:
+        raise ValueError(f"{name} must be a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _pairs(buffers: list) -> list[tuple[float, float]]:
+    data = bytes(buffers[0]) if buffers else b""
+    if len(buffers) > 1 or len(data) % 8 or len(data) > 8 * _MOST_POINTS:
+        raise ValueError(f"places of the tool are at most {_MOST_POINTS} pairs of float32")
+    points = np.frombuffer(data, "<f4").reshape(-1, 2).astype(float)
+    if not np.isfinite(points).all():
+        raise ValueError("the tool goes along finite heights and radii")
+    return [(float(height), float(radius)) for height, radius in points]
+
+
+def _profile_of(message: Message, buffers: list) -> Profile:
+    """What is in a file of the user's, whose bytes are the one buffer."""
+    data = bytes(buffers[0]) if len(buffers) == 1 else b""
+    if not 0 < len(data) <= _MOST_TEXT:
+        raise ValueError(f"a profile is one file of 1 to {_MOST_TEXT} bytes")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "profile.csv"
+        path.write_bytes(data)
+        try:
+            return read_profile(path)
+        except ValueError as error:
+            raise ValueError(str(error).replace(str(path), "the file")) from None
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _file(name: str, mime: str, data: bytes) -> Answer:
+    return {"type": "file", "name": name, "mime": mime}, [data]
