@@ -13,7 +13,8 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from jaxclay.clay.clay import Clay
-from jaxclay.files.piece import Stroke, save_piece
+from jaxclay.files.piece import save_piece
+from jaxclay.files.stroke import Stroke
 from jaxclay.studio.modeller import Modeller
 
 _PICTURE = Path(__file__).resolve().parents[1] / "notebooks" / "images" / "studio.png"

@@ -36,7 +36,6 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -52,107 +51,17 @@ from jaxclay.files.checked import (
     short,
 )
 from jaxclay.files.replacing import replacing
+from jaxclay.files.stroke import MOST_POINTS, Stroke, constants, material_of, stroke_of
 from jaxclay.files.units import UNITS
-from jaxclay.methods import METHODS
 from jaxclay.model.material import Material
-from jaxclay.numerics.checks import check_increasing, check_nodes, check_positive, check_whole
+from jaxclay.numerics.checks import check_increasing, check_nodes, check_positive
 
 VERSION = 1
 _MOST_BYTES = 2**26
 _MOST_NODES = 2**17
-_MOST_POINTS = 10**6  # of all strokes together
-_SIDES, _KINDS = ("right", "left"), ("press", "smooth")
 _CLAY = ("r0", "nodes", "heights", "thickness", "edges")
-_CONSTANTS = tuple(field.name for field in dataclasses.fields(Material))
-_STROKE = ("side", "size", "face", "material", "path", "kind", "solver")
-_SOLVER = ("method", "scheme", "slices", "most")
 _PIECE = ("version", "unit", "length_unit", *_CLAY, "material", "start", "strokes")
-_OPTIONAL = ("length_unit", "thickness", "solver")
-
-
-@dataclasses.dataclass(frozen=True)
-class Solver:
-    """How a stroke's squashes are solved.
-
-    Attributes
-    ----------
-    method : str
-        A key of :data:`jaxclay.METHODS`.
-    scheme : "slices" or "paper"
-    slices : int
-        How many, or 0 for as many as the modeller's tolerance needs.
-    most : int
-        Slices that an answer to a tolerance may have.
-
-    Raises
-    ------
-    ValueError
-        What is none of these, by name.
-    """
-
-    method: str = "newton"
-    scheme: str = "slices"
-    slices: int = 0
-    most: int = 512
-
-    def __post_init__(self):
-        for name, allowed in (("method", tuple(METHODS)), ("scheme", ("slices", "paper"))):
-            if (value := getattr(self, name)) not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {short(value)}")
-        check_whole("slices", self.slices, 0)
-        check_whole("most", self.most, 3)
-
-
-@dataclasses.dataclass(frozen=True)
-class Stroke:
-    """One way of the tool along the clay.
-
-    Attributes
-    ----------
-    side : "right" or "left"
-        Where the tool is seen.
-    size, face : float, length
-        Height of the tool, positive, and of its face, from 0 to ``size``.
-    path : rows of (height, radius), length
-        Where the middle of the face went, at least one point; radii are at least 0.
-    kind : "press" or "smooth"
-    material : Material, optional
-        None is the piece's own.
-    solver : Solver, optional
-        None is the modeller's own.
-
-    Raises
-    ------
-    ValueError
-        What is none of these, by name.
-    """
-
-    side: str
-    size: float
-    face: float
-    path: tuple[tuple[float, float], ...]
-    kind: str = "press"
-    material: Material | None = None
-    solver: Solver | None = None
-
-    def __post_init__(self):
-        for name, allowed in (("side", _SIDES), ("kind", _KINDS)):
-            if (value := getattr(self, name)) not in allowed:
-                raise ValueError(f"{name} must be one of {', '.join(allowed)}, got {short(value)}")
-        check_positive("size", self.size)
-        if not 0 <= self.face <= self.size:
-            raise ValueError(f"face must lie between 0 and size {self.size:g}, got {self.face:g}")
-        for name in ("size", "face"):
-            object.__setattr__(self, name, float(getattr(self, name)))
-        object.__setattr__(self, "path", tuple((float(y), float(r)) for y, r in self.path))
-        if not self.path:
-            raise ValueError("path must have at least one point")
-        for i, (height, radius) in enumerate(self.path):
-            if not (math.isfinite(height) and math.isfinite(radius) and radius >= 0):
-                raise ValueError(
-                    f"path[{i}] must be a finite height and a radius of at least 0, got "
-                    f"{height:g}, {radius:g}"
-                )
+_OPTIONAL = ("length_unit", "thickness")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -237,12 +146,12 @@ def piece_to_json(piece: Piece) -> str:
     """The text of a piece, one line."""
     first = {"version": VERSION, "unit": float(piece.clay.unit), "length_unit": piece.length_unit}
     strokes = [
-        dataclasses.asdict(stroke) | {"material": stroke.material and _constants(stroke.material)}
+        dataclasses.asdict(stroke) | {"material": stroke.material and constants(stroke.material)}
         for stroke in piece.strokes
     ]
     last = {"start": _clay_raw(piece.start, piece.base), "strokes": strokes}
-    constants = {"material": _constants(piece.material)}
-    return json.dumps(first | _clay_raw(piece.clay, piece.base) | constants | last, allow_nan=False)
+    first |= _clay_raw(piece.clay, piece.base) | {"material": constants(piece.material)}
+    return json.dumps(first | last, allow_nan=False)
 
 
 def piece_of_json(text: str) -> Piece:
@@ -275,14 +184,14 @@ def piece_of_json(text: str) -> Piece:
     start, foot = _clay(as_object(raw["start"], "start", _CLAY, _OPTIONAL), unit, "start.")
     if foot != base:
         raise ValueError(f"start stands at {foot:g}, but the piece at {base:g}: it does not move")
-    strokes = as_list(raw["strokes"], "strokes", _MOST_POINTS)
+    strokes = as_list(raw["strokes"], "strokes", MOST_POINTS)
     length_unit = raw.get("length_unit")
-    material = _material(raw["material"], "material")
+    material = material_of(raw["material"], "material")
     if length_unit is not None and not isinstance(length_unit, str):
         raise ValueError(f"length_unit must be a text or null, got {short(length_unit)}")
-    found = tuple(_stroke(stroke, f"strokes[{i}]") for i, stroke in enumerate(strokes))
-    if sum(len(stroke.path) for stroke in found) > _MOST_POINTS:
-        raise ValueError(f"strokes have more than {_MOST_POINTS} points")
+    found = tuple(stroke_of(stroke, f"strokes[{i}]") for i, stroke in enumerate(strokes))
+    if sum(len(stroke.path) for stroke in found) > MOST_POINTS:
+        raise ValueError(f"strokes have more than {MOST_POINTS} points")
     return Piece(clay, material, start, found, base, length_unit)
 
 
@@ -312,10 +221,6 @@ def _clay_raw(clay: Clay, base: float) -> Raw:
     return {"r0": float(clay.r0)} | {key: np.asarray(v).tolist() for key, v in values.items()}
 
 
-def _constants(material: Material) -> Raw:
-    return {name: float(getattr(material, name)) for name in _CONSTANTS}
-
-
 def _clay(raw: Raw, unit: float, where: str) -> tuple[Clay, float]:
     """The clay and the height that it stands at."""
     nodes, y = (as_numbers(raw[key], where + key, _MOST_NODES) for key in ("nodes", "heights"))
@@ -336,26 +241,3 @@ def _clay(raw: Raw, unit: float, where: str) -> tuple[Clay, float]:
         ), base
     except ValueError as error:
         raise ValueError(f"{where.rstrip('.') or 'the piece'} is no clay: {error}") from None
-
-
-def _material(value: Any, where: str) -> Material:
-    raw = as_object(value, where, _CONSTANTS)
-    try:
-        return Material(**{name: as_number(raw[name], name) for name in _CONSTANTS})
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None
-
-
-def _stroke(value: Any, where: str) -> Stroke:
-    raw = as_object(value, where, _STROKE, _OPTIONAL)
-    path = tuple(as_pairs(raw["path"], f"{where}.path", _MOST_POINTS))
-    size, face = (as_number(raw[key], f"{where}.{key}") for key in ("size", "face"))
-    own = raw["material"]
-    material = None if own is None else _material(own, f"{where}.material")
-    try:
-        how = raw.get("solver")
-        known = None if how is None else as_object(how, f"{where}.solver", _SOLVER)
-        solver = None if known is None else Solver(**known)
-        return Stroke(raw["side"], size, face, path, raw["kind"], material, solver)
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None

@@ -11,34 +11,32 @@ from __future__ import annotations
 import dataclasses
 import logging
 import math
-import tempfile
 import threading
 import time
 import uuid
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import slice_points
-from jaxclay.files.piece import Stroke, piece_of_json, piece_to_json
-from jaxclay.files.profiles import Profile, read_profile
+from jaxclay.files.piece import piece_of_json, piece_to_json
+from jaxclay.files.stroke import Stroke
 from jaxclay.files.units import UNITS
 from jaxclay.numerics.checks import REFUSALS
+from jaxclay.studio import checked
+from jaxclay.studio.checked import Message
 from jaxclay.studio.exports import EXPORTS
-from jaxclay.studio.modeller import Modeller, Reading, replay
+from jaxclay.studio.modeller import Modeller, replay
+from jaxclay.studio.reading import Reading
 from jaxclay.studio.solving import SIZES, Compilations
 from jaxclay.studio.starts import STARTS, piece_of
 
 DRAWN = 256  # points of a contour at most
-_MOST_TEXT = 8 * 2**20
-_MOST_POINTS = 4096  # of one message
 _MOST_REPLAYED = 20_000  # points of a way that a page may have replayed: a minute or two
 ABANDONED = 3.0  # seconds without a word: another view may go on
 _SLUMPS = 0.05  # over l: clay that sinks so far by itself slumps
-Message = dict[str, Any]
 Answer = tuple[Message, list[bytes]]
 
 
@@ -72,9 +70,9 @@ class Desk:
             return self._answer(message, buffers)
 
     def _answer(self, message: Any, buffers: Any) -> list[Answer]:
-        view, number = _who(message)
+        view, number = checked.who(message)
         try:
-            action = self._actions.get(_text(message, "type", 32))
+            action = self._actions.get(checked.text(message, "type", 32))
             if action is None:
                 known = ", ".join(self._actions)
                 raise ValueError(f"no message of type {message['type']!r}: one of {known}")
@@ -124,11 +122,11 @@ class Desk:
         if m.drawing:
             m.end()
         unit = float(m.clay.unit)
-        size, face = (_number(message, name, 1e-3, 10.0) * unit for name in ("size", "face"))
+        size, face = (checked.number(message, name, 1e-3, 10.0) * unit for name in ("size", "face"))
         solver = dataclasses.replace(m.solver, most=self.compilations.most)
         stroke = Stroke(
-            _text(message, "side", 8), size, min(face, size), self._path(buffers, 1),
-            _text(message, "kind", 8), m.material, solver,
+            checked.text(message, "side", 8), size, min(face, size), self._path(buffers, 1),
+            checked.text(message, "kind", 8), m.material, solver,
         )  # fmt: skip
         reading = m.begin(stroke)
         self._owner, self._heard = str(view), time.monotonic()
@@ -171,19 +169,19 @@ class Desk:
 
     def _start(self, message: Message, buffers: list) -> list[Answer]:
         self._check_free(message)
-        name = _text(message, "name", 32)
+        name = checked.text(message, "name", 32)
         if name not in STARTS:
             raise ValueError(f"no shape {name!r} to start from: one of {', '.join(STARTS)}")
         return self._done(self.modeller.open(STARTS[name]()))
 
     def _profile(self, message: Message, buffers: list) -> list[Answer]:
         self._check_free(message)
-        profile = _profile_of(message, buffers)
+        profile = checked.profile_of(message, buffers)
         told = {"type": "said", "message": profile.said}
         return [*self._done(self.modeller.open(piece_of(profile))), (told, [])]
 
     def _target(self, message: Message, buffers: list) -> list[Answer]:
-        self.modeller.target = _profile_of(message, buffers).cut().clay if buffers else None
+        self.modeller.target = checked.profile_of(message, buffers).cut().clay if buffers else None
         return [self._target_told(), self._shape(self.modeller.reading, True)]
 
     def _save(self, message: Message, buffers: list) -> list[Answer]:
@@ -192,7 +190,7 @@ class Desk:
 
     def _open(self, message: Message, buffers: list) -> list[Answer]:
         self._check_free(message)
-        piece = piece_of_json(_text(message, "text", _MOST_TEXT))
+        piece = piece_of_json(checked.text(message, "text", checked.MOST_TEXT))
         return [*self._done(self.modeller.open(piece)), ({"type": "material"}, [])]
 
     def _replay(self, message: Message, buffers: list) -> list[Answer]:
@@ -211,11 +209,11 @@ class Desk:
         return [({"type": "replay", "exact": same}, [points.tobytes() for points in frames])]
 
     def _export(self, message: Message, buffers: list) -> list[Answer]:
-        kind = _text(message, "kind", 8)
+        kind = checked.text(message, "kind", 8)
         if kind not in EXPORTS:
             raise ValueError(f"no export {kind!r}: one of {', '.join(EXPORTS)}")
-        millimetres = _number(message, "millimetres", 1e-3, 1e5)
-        wall = _number(message, "wall", 0.0, 1e5) if message.get("wall") else None
+        millimetres = checked.number(message, "millimetres", 1e-3, 1e5)
+        wall = checked.number(message, "wall", 0.0, 1e5) if message.get("wall") else None
         mime, made = EXPORTS[kind]
         return [_file(f"clay.{kind}", mime, made(self.modeller.piece, millimetres, wall))]
 
@@ -245,7 +243,7 @@ class Desk:
             del self._last[next(iter(self._last))]
 
     def _path(self, buffers: list, least: int) -> tuple[tuple[float, float], ...]:
-        points = _pairs(buffers)
+        points = checked.pairs(buffers)
         if len(points) < least:
             raise ValueError("a stroke begins at a place of the tool: a pair of float32")
         unit = float(self.modeller.clay.unit)
@@ -297,53 +295,6 @@ def _thinned(points: np.ndarray) -> np.ndarray:
     if len(points) <= DRAWN:
         return points
     return points[np.round(np.linspace(0, len(points) - 1, DRAWN)).astype(int)]
-
-
-def _who(message: Any) -> tuple[str, int]:
-    """The view and the number of a message, whatever it is."""
-    found = message if isinstance(message, dict) else {}
-    view: Any = found.get("view")
-    number: Any = found.get("id")
-    known = isinstance(number, int) and 0 <= number < 2**53
-    return view[:64] if isinstance(view, str) else "", int(number) if known else 0
-
-
-def _text(message: Any, name: str, most: int) -> str:
-    value = message.get(name) if isinstance(message, dict) else None
-    if not isinstance(value, str) or len(value) > most:
-        raise ValueError(f"a message must have a {name} of at most {most} characters")
-    return value
-
-
-def _number(message: Message, name: str, low: float, high: float) -> float:
-    value: Any = message.get(name)
-    if type(value) not in (int, float) or not low <= value <= high:
-        raise ValueError(f"{name} must be a number from {low:g} to {high:g}")
-    return float(value)
-
-
-def _pairs(buffers: list) -> list[tuple[float, float]]:
-    data = bytes(buffers[0]) if buffers else b""
-    if len(buffers) > 1 or len(data) % 8 or len(data) > 8 * _MOST_POINTS:
-        raise ValueError(f"places of the tool are at most {_MOST_POINTS} pairs of float32")
-    points = np.frombuffer(data, "<f4").reshape(-1, 2).astype(float)
-    if not np.isfinite(points).all():
-        raise ValueError("the tool goes along finite heights and radii")
-    return [(float(height), float(radius)) for height, radius in points]
-
-
-def _profile_of(message: Message, buffers: list) -> Profile:
-    """What is in a file of the user's, whose bytes are the one buffer."""
-    data = bytes(buffers[0]) if len(buffers) == 1 else b""
-    if not 0 < len(data) <= _MOST_TEXT:
-        raise ValueError(f"a profile is one file of 1 to {_MOST_TEXT} bytes")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "profile.csv"
-        path.write_bytes(data)
-        try:
-            return read_profile(path)
-        except ValueError as error:
-            raise ValueError(str(error).replace(str(path), "the file")) from None
 
 
 def _finite(value: float | None) -> float | None:

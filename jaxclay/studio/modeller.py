@@ -18,11 +18,12 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import area_error
-from jaxclay.files.piece import Piece, Solver, Stroke
-from jaxclay.model.energy import Terms
+from jaxclay.files.piece import Piece
+from jaxclay.files.stroke import Solver, Stroke
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash
-from jaxclay.solve.solution import Solution, Status
+from jaxclay.solve.solution import Solution
+from jaxclay.studio.reading import Reading, reading_of
 from jaxclay.studio.solving import (
     MOVING,
     RESTING,
@@ -48,46 +49,6 @@ _FAR = 20.0  # over l: where no tool stands
 _LEAST, _MOST = 1e-3, 100.0  # over l: heights and radii of pieces
 _FAR_ON = 0.25  # steps from the last whole one: the tool is not shown there any more
 _EASY = 6.0  # times within the tolerance: half as many slices may do
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Reading:
-    """What there is to read off after a step.
-
-    Attributes
-    ----------
-    clay : Clay
-        The shape to be shown: what stays, or while the tool moves what would.
-    certified : bool
-        False where the last solve was refused and the clay is as before it.
-    message : str
-        Empty where all is well.
-    terms : Terms or None
-        E_total's (eq. 9), where there was a solve.
-    error : float or None
-        Estimate of the contour's error over l, where the answer was to a tolerance.
-    late : bool
-        Whether that was not met, on as many slices as are ready.
-    zone : (2,) heights, length, or None
-        Lowest and highest clay that the last squash moved.
-    reach : float or None
-        u1, material beyond which clay above the tool rests.
-    floored : bool
-        Whether the lower bound of thickness is active in the rough shape.
-    milliseconds : float
-        Of all solves since the last reading.
-    """
-
-    clay: Clay
-    certified: bool = True
-    message: str = ""
-    terms: Terms | None = None
-    error: float | None = None
-    late: bool = False
-    zone: tuple[float, float] | None = None
-    reach: float | None = None
-    floored: bool = False
-    milliseconds: float = 0.0
 
 
 class _Drawing:
@@ -334,7 +295,7 @@ class Modeller:
         if not is_certified(answer, solver):
             self.reading = Reading(clay, False, f"not pressed: {answer.status}")
             return None
-        self.reading = _reading(answer, None if tolerance == RESTING else self.reading.floored)
+        self.reading = reading_of(answer, None if tolerance == RESTING else self.reading.floored)
         return answer
 
     def _smooth(self, drawing: _Drawing, place: Place) -> None:
@@ -372,25 +333,6 @@ def replay(piece: Piece) -> Modeller:
     for stroke in piece.strokes:
         modeller.draw(stroke)
     return modeller
-
-
-def _reading(answer: Solution, floored: bool | None) -> Reading:
-    """``floored`` as it is known, or None to have it found out."""
-    clay = answer.clay
-    floored = bool(answer.rough.floored) if floored is None else floored
-    moved = np.flatnonzero(np.asarray(answer.point.shift))
-    if len(moved):
-        low, high = max(moved[0] - 1, 0), min(moved[-1] + 1, clay.slices)
-        zone = float(clay.heights[low]), float(clay.heights[high])
-        reach = float(clay.material[high])
-    else:
-        zone, reach = None, None
-    error = None if answer.error_estimate is None else float(answer.error_estimate)
-    late = answer.status is Status.UNRESOLVED and error is not None
-    message = f"the tolerance was not met on {clay.slices} slices" if late else ""
-    if answer.status is Status.STALLED:
-        message = f"{answer.method} stalled: no certificate"
-    return Reading(clay, True, message, answer.terms, error, late, zone, reach, floored)
 
 
 def _next_first(answer: Solution, tolerance: float) -> int:

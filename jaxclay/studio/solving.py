@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 
 from jaxclay.clay.clay import Clay
-from jaxclay.files.piece import Solver
+from jaxclay.files.stroke import Solver
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash
 from jaxclay.schemes.posing import pose

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from jaxclay.clay.clay import Clay
-from jaxclay.files.piece import Piece, Solver
+from jaxclay.files.piece import Piece
+from jaxclay.files.stroke import Solver
 from jaxclay.model.material import Material
 from jaxclay.numerics.checks import needing
 from jaxclay.studio.messages import Desk

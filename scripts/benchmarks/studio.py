@@ -26,7 +26,7 @@ import numpy as np
 from bounds import Bound, Part, at_least, at_most, run, table
 
 from jaxclay.clay.clay import Clay
-from jaxclay.files.piece import Stroke
+from jaxclay.files.stroke import Stroke
 from jaxclay.model.material import Material
 from jaxclay.solve.certified_newton import program
 from jaxclay.studio import modeller as modelling

@@ -9,14 +9,8 @@ from hypothesis import strategies as st
 from scenes import piece as clay_of
 
 from jaxclay import Clay, Material
-from jaxclay.files.piece import (
-    Piece,
-    Stroke,
-    load_piece,
-    piece_of_json,
-    piece_to_json,
-    save_piece,
-)
+from jaxclay.files.piece import Piece, load_piece, piece_of_json, piece_to_json, save_piece
+from jaxclay.files.stroke import Stroke
 
 CLAY = ("heights", "thickness", "material", "edges", "r0", "unit")
 CONSTANTS = ("k", "mu", "alpha", "beta", "floor")

@@ -7,7 +7,8 @@ import pytest
 
 import jaxclay
 from jaxclay.clay.clay import Clay
-from jaxclay.files.piece import Piece, Solver, Stroke, piece_of_json, piece_to_json
+from jaxclay.files.piece import Piece, piece_of_json, piece_to_json
+from jaxclay.files.stroke import Solver, Stroke
 from jaxclay.solve.certified_newton import program
 from jaxclay.studio import modeller as modelling
 from jaxclay.studio.modeller import Modeller, replay
