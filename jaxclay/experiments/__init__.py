@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxclay.numerics.checks import needing
+from jaxclay.numerics import checks
 
 if TYPE_CHECKING:
     import pandas
@@ -64,7 +64,7 @@ def run(
     RuntimeError
         A worker died; what had been solved is kept.  Another timing run is under way.
     """
-    with needing("sweep", "jaxclay.experiments.run"):
+    with checks.needing("sweep", "jaxclay.experiments.run"):
         from jaxclay.experiments import engine
         from jaxclay.experiments.editing import of_file
         from jaxclay.experiments.store import keep_experiment
@@ -84,7 +84,7 @@ def load(folder: str | Path) -> pandas.DataFrame:
     ``frame.attrs["units"]`` says of every column what it is and in which unit; so does
     :data:`jaxclay.experiments.columns.COLUMNS`.  Raises ValueError where there are none.
     """
-    with needing("sweep", "jaxclay.experiments.load"):
+    with checks.needing("sweep", "jaxclay.experiments.load"):
         from jaxclay.experiments.results import table
 
     return table(folder)
@@ -98,7 +98,7 @@ def load_curves(folder: str | Path) -> xarray.Dataset:
     ``trace_iterations``, ``trace_s`` in seconds and ``trace_energy`` (task, stop) are of methods
     with stops.  Shorter rows end in NaN.  Keys, scenes, schemes and methods are coordinates.
     """
-    with needing("sweep", "jaxclay.experiments.load_curves"):
+    with checks.needing("sweep", "jaxclay.experiments.load_curves"):
         from jaxclay.experiments.results import curves
 
     return curves(folder)

@@ -210,7 +210,9 @@ def test_core_never_imports_what_sits_on_top():
     files = core_files()
     assert len(files) > 15
     for path in files:
-        assert not imported_by(path) & TOP, path
+        # The face alone asks how a command ends that is interrupted while it is imported.
+        allowed = {"cli"} if path == PACKAGE / "__init__.py" else set()
+        assert not imported_by(path) & TOP - allowed, path
 
 
 def test_data_flows_one_way():
