@@ -54,6 +54,7 @@ class Host:
     def __init__(self, make: Callable[[], Any], port: int = 0):
         self._make, self._port = make, port
         self._tabs: set[ServerConnection] = set()
+        self._sending: set[asyncio.Task[None]] = set()  # the loop itself holds them weakly
         self._widget: Any = None
         self._comm = ""
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -103,7 +104,9 @@ class Host:
     def _broadcast(self, frame: bytes) -> None:
         assert self._loop is not None
         for tab in list(self._tabs):
-            self._loop.create_task(_send(tab, frame))
+            sending = self._loop.create_task(_send(tab, frame))
+            self._sending.add(sending)
+            sending.add_done_callback(self._sending.discard)
 
     async def _greet(self, tab: ServerConnection) -> None:
         state = {k: v for k, v in self._widget.get_state().items() if not k.startswith("_")}
