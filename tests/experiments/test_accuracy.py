@@ -109,7 +109,7 @@ def test_second_order_is_nearer_than_the_papers_sums(measured):
 def test_times_are_of_warm_calls(measured):
     assert (measured.solve_s > 0).all()
     assert (measured.solve_s < 0.5).all()  # compiling takes seconds
-    assert measured.repeats.max() >= 3  # of long ones fewer
+    assert (measured.repeats[measured.solve_s_most < 0.05] >= 3).all()  # of long ones fewer
 
 
 def power_law(order=-1.0, most=1024):
