@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 from browser import browser
-from conftest import serving
+from served import serving
 
 from jaxclay.clay.clay import Clay
 

@@ -6,7 +6,7 @@ import urllib.error
 import urllib.request
 
 import pytest
-from conftest import serving
+from served import serving
 
 from jaxclay.clay.clay import Clay
 
