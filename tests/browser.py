@@ -3,6 +3,7 @@
 import contextlib
 import os
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,7 @@ _QUIET = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip
+_LATE = 400.0  # seconds after which what waits for a browser fails; moving its mouse knows no limit
 
 
 def chromium() -> str:
@@ -31,8 +33,22 @@ def browser(*more: str) -> Iterator:
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as running:
         opened = running.chromium.launch(executable_path=path, args=[*_QUIET, *more])
-        yield opened
-        opened.close()
+        late = threading.Timer(_LATE, _kill_chromium)
+        late.start()
+        try:
+            yield opened
+        finally:
+            late.cancel()
+            _kill_chromium()
+
+
+def _kill_chromium() -> None:
+    """End this process's browser at once: one that hangs answers no polite request either."""
+    psutil = pytest.importorskip("psutil")
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            if "chrom" in child.name():
+                child.kill()
 
 
 @contextlib.contextmanager

@@ -75,7 +75,9 @@ def files(out):
 
 def wait_for(out, count, process):
     """Until there are so many files, or the run has ended."""
+    end = time.monotonic() + 300
     while len(files(out)) < count and process.poll() is None:
+        assert time.monotonic() < end
         time.sleep(0.002)
 
 

@@ -41,4 +41,4 @@ def notebook(path: str) -> Iterator[str]:
             yield f"{address[1]}/{path}/studio.ipynb"
         finally:
             process.terminate()
-            process.communicate()
+            process.communicate(timeout=60)

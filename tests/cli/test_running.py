@@ -16,8 +16,9 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.mark.parametrize("module", ["jaxclay", "jaxclay.cli"])
 def test_modules_run_the_command(module):
     found = subprocess.run(
-        [sys.executable, "-m", module, "--version"], capture_output=True, text=True, check=True
-    )
+        [sys.executable, "-m", module, "--version"],
+        capture_output=True, text=True, check=True, timeout=300,
+    )  # fmt: skip
     assert found.stdout.strip() == jaxclay.__version__
 
 
@@ -49,7 +50,9 @@ def test_a_source_distribution_holds_all_tests_and_their_helpers(tmp_path):
     for name in names:
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         (source / name).write_bytes((ROOT / name).read_bytes())
-    subprocess.run([sys.executable, "-c", build, str(tmp_path)], cwd=source, check=True)
+    subprocess.run(
+        [sys.executable, "-c", build, str(tmp_path)], cwd=source, check=True, timeout=300
+    )
     (made,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(made) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}

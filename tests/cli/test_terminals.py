@@ -39,6 +39,7 @@ def shell(command, **variables):
         capture_output=True,
         text=True,
         check=False,
+        timeout=300,
     )
 
 

@@ -53,7 +53,7 @@ def test_public_names_are_those_of_the_package():
 def test_the_pages_build_without_a_warning(tmp_path):
     pytest.importorskip("pdoc")
     command = [sys.executable, str(ROOT / "scripts" / "docs_pages.py"), str(tmp_path)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)
+    built = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert built.returncode == 0, built.stderr
     assert built.stderr == ""
     page = (tmp_path / "jaxclay" / "experiments.html").read_text(encoding="utf-8")

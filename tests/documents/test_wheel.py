@@ -57,11 +57,13 @@ def environment(tmp_path_factory):
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
     build = "from setuptools import build_meta; build_meta.build_wheel('.')"
-    subprocess.run([sys.executable, "-c", build], cwd=folder, check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-c", build], cwd=folder, check=True, capture_output=True, timeout=300
+    )
     (wheel,) = folder.glob("*.whl")
-    subprocess.run([sys.executable, "-m", "venv", folder / "env"], check=True)
+    subprocess.run([sys.executable, "-m", "venv", folder / "env"], check=True, timeout=300)
     install = [folder / "env" / "bin" / "pip", "install", "--quiet", wheel]
-    subprocess.run([*install, "--constraint", ROOT / "constraints.txt"], check=True)
+    subprocess.run([*install, "--constraint", ROOT / "constraints.txt"], check=True, timeout=550)
     return folder / "env" / "bin"
 
 
@@ -70,7 +72,7 @@ def test_a_wheel_alone_squashes(environment, tmp_path):
     squash = ["deform", "bowl", "--squash", "0:0.1:0.2", "--slices", "16"]
     done = subprocess.run(
         [environment / "jaxclay", *squash, "--out", "a.csv", "--svg", "a.svg"],
-        cwd=tmp_path, capture_output=True, text=True, check=True,
+        cwd=tmp_path, capture_output=True, text=True, check=True, timeout=300,
     )  # fmt: skip
     assert "converged" in done.stdout
     assert (tmp_path / "a.csv").exists()
@@ -82,7 +84,7 @@ def test_what_needs_an_extra_says_which(environment, tmp_path):
     code = TRY_ALL % (list(COMMANDS), list(CALLS))
     done = subprocess.run(
         [environment / "python", "-c", code],
-        cwd=tmp_path, capture_output=True, text=True, check=True,
+        cwd=tmp_path, capture_output=True, text=True, check=True, timeout=300,
     )  # fmt: skip
     lines = done.stderr.splitlines()
     assert lines[1 : 2 * len(COMMANDS) : 2] == ["2"] * len(COMMANDS)

@@ -148,7 +148,9 @@ def test_a_finished_sweep_on_a_read_only_disk_is_no_failure(read_only, capsys):
 def test_closed_streams_are_no_error(folder, closed):
     experiment = folder.parent / "settings.toml"
     command = f'"{sys.executable}" -c "{COMMAND}" sweep "{experiment}" --out "{folder}" {closed}'
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["sh", "-c", command], capture_output=True, text=True, check=False, timeout=300
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -88,6 +88,7 @@ def test_a_key_changes_with_the_code_that_solves_and_not_with_that_which_draws(k
         done = subprocess.run(
             [sys.executable, "-c", COMMAND, str(tmp_path / "one.toml")], check=True, cwd=tmp_path,
             env=os.environ | {"PYTHONPATH": str(package.parent)}, capture_output=True, text=True,
+            timeout=300,
         )  # fmt: skip
         return set(json.loads(done.stdout.splitlines()[-1]))
 
@@ -129,7 +130,9 @@ def test_python_and_the_command_line_give_tasks_of_one_pool_the_same_keys(tmp_pa
     command = "import sys; from jaxclay.cli.main import entry; entry()"
     arguments = ["sweep", str(path), "--out", str(tmp_path / "b"), "--quiet"]
     for code, more in ((python, []), (command, arguments)):
-        subprocess.run([sys.executable, "-c", code, *more], check=True, env=environment)
+        subprocess.run(
+            [sys.executable, "-c", code, *more], check=True, env=environment, timeout=300
+        )
     from jaxclay.experiments import load
 
     one, other = (load(tmp_path / name) for name in "ab")

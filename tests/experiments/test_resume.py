@@ -1,5 +1,6 @@
 """Sweeps: nothing is lost and nothing is done twice, whatever ends a run."""
 
+import contextlib
 import errno
 import os
 import random
@@ -34,7 +35,7 @@ def test_a_run_killed_at_any_moment_goes_on(whole, experiment, tmp_path):
     wait_for(tmp_path, rng.randint(1, 6), process)
     time.sleep(rng.uniform(0.0, 0.02))
     process.kill()
-    process.communicate()
+    process.communicate(timeout=60)
     assert 0 < len(files(tmp_path)) < COUNT / 2
     before = set(load(tmp_path).key)
     run(experiment, tmp_path)
@@ -117,17 +118,18 @@ def test_workers_end_with_a_run_that_is_killed(experiment, tmp_path):
     children = {int(child) for path in tasks for child in path.read_text().split()}
     assert len(children) >= 2
     process.kill()
-    process.communicate()
     end = time.monotonic() + 30
     while children and time.monotonic() < end:
         children = {child for child in children if _runs(child)}
         time.sleep(0.05)
     assert not children
+    process.communicate(timeout=60)  # they had its streams
 
 
 def _runs(process):
-    status = Path(f"/proc/{process}/stat")
-    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+    with contextlib.suppress(OSError):  # it has ended
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
 
 
 def test_results_that_are_taken_away_are_noticed(experiment, tmp_path):

@@ -89,7 +89,7 @@ def contracts(root):
     ]
     return subprocess.run(
         [*command, "--no-cache"], cwd=root, env={"PYTHONPATH": str(root), "PATH": ""},
-        capture_output=True, text=True, check=False,
+        capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
 
 

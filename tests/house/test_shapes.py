@@ -73,7 +73,8 @@ assert typing.get_type_hints(jaxclay.Clay.radii.fget)["return"] is Array
 
 
 def run(code):
-    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
 
 
 def test_the_package_works_without_jaxtyping():

@@ -21,7 +21,8 @@ def python(code, **variables):
     clean = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
-        capture_output=True, text=True, check=False, cwd=ROOT, env=clean | variables,
+        capture_output=True, text=True, check=False, cwd=ROOT, timeout=300,
+        env=clean | variables,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "Error" not in done.stderr, done.stderr

@@ -121,8 +121,9 @@ def test_new_values_compile_nothing():
 
 def run_python(code, *options):
     return subprocess.run(
-        [sys.executable, *options, "-c", code], capture_output=True, text=True, check=False
-    )
+        [sys.executable, *options, "-c", code],
+        capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
 
 
 @pytest.mark.core

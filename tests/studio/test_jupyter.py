@@ -39,14 +39,17 @@ def server(tmp_path_factory):
         "--LabApp.news_url=None",
     ]  # fmt: skip
     environment = os.environ | {"JUPYTER_CONFIG_DIR": str(folder / "config")}
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if found := re.search(r"(http://\S+?:\d+)/lab", line):
-                break
+    log = folder / "log.txt"  # a pipe that nobody reads would stop the server
+    with log.open("w") as file, subprocess.Popen(
+        command, stderr=file, env=environment, start_new_session=True
+    ) as process:  # fmt: skip
+        deadline = time.monotonic() + 60
+        while not (found := re.search(r"(http://\S+?:\d+)/lab", log.read_text())):
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.05)
         yield found[1]
-        process.terminate()
-        process.stderr.read()
+        os.killpg(process.pid, signal.SIGKILL)  # with its kernels
 
 
 def run_cell(page, index):
