@@ -48,12 +48,14 @@ def on_slices(found: Placed, slices: int) -> Plan:
     return _with_levels(answers)
 
 
-def beside(found: Placed, slices: int, near: Solution) -> Plan:
-    """The answer on n slices, placed by and started from that to a squash close by.
+def beside(found: Placed, slices: int, near: Solution, started: bool = True) -> Plan:
+    """The answer on n slices, placed by that to a squash close by, and started from it.
 
-    Both of the same clay: a tool that is dragged.
+    For a tool that is dragged.  Only answers of the same clay are starts.
     """
-    return (yield from _next(found, slices, [near]))
+    if started:
+        return (yield from _next(found, slices, [near]))
+    return (yield Wanted(pose_on_host(found, slices, "placed", near), None))
 
 
 def to_tolerance(found: Placed, tolerance: float, sizes: Iterable[int] = SIZES) -> Plan:

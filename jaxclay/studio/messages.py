@@ -88,6 +88,11 @@ class Desk:
             answers = [({"type": "refused", "message": text}, [])]
         return [(content | {"view": view, "id": number}, sent) for content, sent in answers]
 
+    def work_ahead(self) -> None:
+        """Use the time until the next message."""
+        with self._lock:
+            self.modeller.work_ahead()
+
     def left(self, view: str) -> list[Answer]:
         """A view is gone: what it was drawing is done."""
         with self._lock:

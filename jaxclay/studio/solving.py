@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import NamedTuple
 
 from jaxclay.clay.clay import Clay
 from jaxclay.files.stroke import Solver
@@ -63,19 +64,24 @@ def press(
     return answer
 
 
+class Near(NamedTuple):
+    """An answer to a squash close by."""
+
+    answer: Solution
+    pressed: Clay  # what was squashed: the same clay, or as it was a step before
+
+
 def follow(
-    solver: Solver,
-    clay: Clay,
-    squash: Squash,
-    material: Material,
-    near: Solution | None,
-    first: int,
+    solver: Solver, clay: Clay, squash: Squash, material: Material, near: Near, first: int
 ) -> Solution:
-    """The answer to be shown on the way, from one close by where there is one."""
-    if near is None or not is_adaptive(solver):
-        return press(solver, clay, squash, material, MOVING, first)
-    found = place(clay, squash, material)
-    return followed(beside(found, near.clay.slices, near), newton_answer)
+    """The answer to be shown on the way, on as many slices as one close by has if that will do."""
+    if is_adaptive(solver):
+        found, slices = place(clay, squash, material), near.answer.clay.slices
+        plan = beside(found, slices, near.answer, near.pressed is clay)
+        answer = followed(plan, newton_answer)
+        if is_certified(answer, solver):
+            return answer
+    return press(solver, clay, squash, material, MOVING, first)
 
 
 def is_certified(solution: Solution, solver: Solver) -> bool:

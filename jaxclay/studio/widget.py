@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ with needing("studio", "jaxclay.studio.Studio"):
     import anywidget
     import traitlets
 
+_SOON = 1e-3  # seconds
 _UNITS = 64  # slices whose raw differences alpha and beta weigh: snake units
 _SETTINGS = ("k", "mu", "alpha", "beta", "method", "scheme", "slices")
 
@@ -113,6 +116,9 @@ class Studio(anywidget.AnyWidget):
                         self.set_trait(name, value)
                 continue
             self.send(content, sent)
+        with contextlib.suppress(RuntimeError):  # no loop runs: the next message finds it undone
+            # Once the answer is on its way.
+            asyncio.get_running_loop().call_later(_SOON, self._desk.work_ahead)
 
     def _constants(self) -> dict[str, float]:
         m = self.modeller.material

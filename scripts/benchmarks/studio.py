@@ -29,15 +29,15 @@ from jaxclay.clay.clay import Clay
 from jaxclay.files.stroke import Stroke
 from jaxclay.model.material import Material
 from jaxclay.solve.certified_newton import program
-from jaxclay.studio import modeller as modelling
+from jaxclay.studio import drawing
 from jaxclay.studio.modeller import Modeller
 from jaxclay.studio.solving import Compilations
 from jaxclay.studio.starts import MATERIAL, STARTS
 
 _SECONDS = 0.5  # of ten million additions, where the bounds hold
-_ARGUMENTS = (
-    "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--use-gl=angle",
-    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking",
+_ARGUMENTS = (  # WebGL without a GPU too; all else as Chromium does it by itself
+    "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
 )  # fmt: skip
 _LISTEN = """window.shapes = []; document.addEventListener('jaxclay-shape',
     (event) => window.shapes.push([event.detail.ms, event.detail.solve]));"""
@@ -112,7 +112,7 @@ def drag(page: Any, seconds: float) -> np.ndarray:
         turn = 2 * np.pi * gone / 4
         inwards = 0.19 + 0.02 * min(gone / seconds, 1) + 0.01 * np.cos(3 * turn)
         page.mouse.move(x - inwards * tall * min(gone, 1), y - 0.15 * tall * np.sin(turn))
-        time.sleep(0.008)
+        time.sleep(0.001)  # the browser takes one a frame
     page.mouse.up()
     page.wait_for_timeout(500)
     return np.array(page.evaluate("window.shapes")).reshape(-1, 2)
@@ -201,18 +201,18 @@ def strokes(effort: Effort) -> Part:
     Compilations().run()
     compiled = program.whole._cache_size()
     steps = refused = 0
-    pressing = modelling.press
+    pressing = drawing.press
     for name, material in MATERIALS.items():
         answers, taken = [], []
 
         def counted(solver, *given, answers=answers, taken=taken):
             begin = time.perf_counter()
-            answers.append(modelling.is_certified(answer := pressing(solver, *given), solver))
+            answers.append(drawing.is_certified(answer := pressing(solver, *given), solver))
             taken.append(time.perf_counter() - begin)
             return answer
 
         rng, modeller = np.random.default_rng(7), Modeller(STARTS["cylinder"](), material)
-        with _instead(modelling, "press", counted):
+        with _instead(drawing, "press", counted):
             for i in range(effort.strokes):
                 modeller.draw(random_stroke(rng, modeller, "smooth" if i % 5 == 4 else "press"))
                 if i % 20 == 19:

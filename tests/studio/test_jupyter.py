@@ -19,7 +19,7 @@ CODE = "import jaxclay.studio\nstudio = jaxclay.studio.Studio()\nstudio"
 SAID = """import os
 print('radius', studio.clay.radii.min(), 'strokes', len(studio.modeller.piece.strokes),
       'process', os.getpid())"""
-WEBGL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+WEBGL = "--enable-unsafe-swiftshader"
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def reading(page):
 @contextlib.contextmanager
 def opened(server, path):
     complaints = []
-    with browser(*WEBGL) as chromium:
+    with browser(WEBGL) as chromium:
         page = chromium.new_page(viewport={"width": 1400, "height": 1000}, reduced_motion="reduce")
         # Of the module, which is loaded as a blob; the front ends complain of their own affairs.
         page.on("pageerror", lambda error: complaints.append(error.stack))

@@ -10,9 +10,11 @@ from jaxclay.clay.clay import Clay
 from jaxclay.files.piece import Piece, piece_of_json, piece_to_json
 from jaxclay.files.stroke import Solver, Stroke
 from jaxclay.solve.certified_newton import program
+from jaxclay.studio import drawing
 from jaxclay.studio import modeller as modelling
 from jaxclay.studio.modeller import Modeller, replay
 from jaxclay.studio.starts import STARTS
+from jaxclay.studio.tool import STEP
 
 DRAG = [(0.7, 0.42), (0.7, 0.3), (0.45, 0.3), (0.45, 0.45)]
 
@@ -70,6 +72,36 @@ def test_the_result_does_not_depend_on_how_often_the_pointer_was_sampled(ready):
         clays.append(modeller.clay)
     assert jaxclay.contour_error(*clays) < 1e-6
     assert jaxclay.contour_error(clays[0], Clay.cylinder(0.36)) > 0.03
+
+
+def test_working_ahead_changes_nothing_but_who_waits(ready):
+    """Whether steps are done while nobody asks or when they are needed."""
+    shapes = []
+    for ahead in (False, True):
+        modeller = Modeller(Clay.cylinder(0.36))
+        first, *others = sampled(60)
+        modeller.begin(stroke([first]))
+        for point in others:
+            reading = modeller.move([point])
+            assert reading.certified
+            if ahead:
+                modeller.work_ahead()
+        exact = modeller.rest().clay
+        shapes.append((modeller.end().clay, exact))
+        modeller.work_ahead()
+    for one, other in zip(*shapes, strict=True):
+        np.testing.assert_array_equal(one.heights, other.heights)
+
+
+def test_what_is_shown_is_near_to_what_stays(ready):
+    """The tool in clay at most one step behind shows what it does to clay that is not."""
+    modeller = Modeller(Clay.cylinder(0.36))
+    first, *others = sampled(60)
+    modeller.begin(stroke([first]))
+    for point in others:
+        shown = modeller.move([point]).clay
+        modeller.work_ahead()
+        assert jaxclay.contour_error(shown, modeller.move([]).clay) < 2 * STEP
 
 
 @pytest.mark.parametrize(
@@ -142,9 +174,9 @@ def test_smoothing_evens_the_contour_and_keeps_volume_and_far_clay(modeller):
 
 def test_a_refused_solve_keeps_the_clay_and_the_stroke_goes_on(modeller, monkeypatch):
     answers = iter([False, True])
-    certified = modelling.is_certified
+    certified = drawing.is_certified
     monkeypatch.setattr(
-        modelling, "is_certified", lambda *given: next(answers, True) and certified(*given)
+        drawing, "is_certified", lambda *given: next(answers, True) and certified(*given)
     )
     before = modeller.clay
     modeller.begin(stroke([(0.6, 0.36)]))

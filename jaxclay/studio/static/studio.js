@@ -8,7 +8,8 @@ const TILT = 0.19; // radians that the eye looks down
 const [COS, SIN] = [Math.cos(TILT), Math.sin(TILT)];
 const SEGMENTS = 128;
 const MOST_RINGS = 288;
-const IN_FLIGHT = [[0, 1], [18, 2], [45, 3]]; // requests, from so many ms under way without the solve
+const LITE_RINGS = 110; // where no GPU helps
+const IN_FLIGHT = [[0, 1], [12, 2], [25, 3]]; // requests, from so many ms under way without the solve
 const THINNEST = 0.02;
 const NUDGE = 0.01;
 const FINEST = 0.001; // of the tool's way, that is told
@@ -107,13 +108,45 @@ const CSS = `
 @media (prefers-reduced-motion:reduce) { .jc .hint { transition:none; } }
 `;
 
-const VERTEX = `#version 300 es
+/* Each program is HEAD, LIGHT where it asks for light, and its own text. With a GPU every pixel is lit,
+   its normal roughened by noise. Without one (LITE) only vertices are, and grooves and noise, a picture
+   of it, tint the pixels between: a frame then takes a fifth of the time. */
+const HEAD = `#version 300 es
 precision highp float;
+precision highp int;
+uniform vec2 tilt; // cos, sin of the angle that the eye looks down
+uniform vec2 turn; uniform int wheel; uniform vec3 colour; uniform vec2 foot; uniform float dark;
+`;
+const LIGHT = `
+vec3 light(vec3 n) {
+  vec3 eye = vec3(0.0, tilt.y, tilt.x);
+  vec3 key = normalize(vec3(-0.62, 0.62, 0.62)), fill = normalize(vec3(0.85, 0.12, 0.45));
+  vec3 back = normalize(vec3(0.55, 0.42, -0.72));
+  float k = max((dot(n, key) + 0.22) / 1.22, 0.0), f = max((dot(n, fill) + 0.3) / 1.3, 0.0);
+  vec3 all = vec3(1.0, 0.95, 0.88) * k * k * 1.32 + vec3(0.62, 0.74, 0.92) * f * 0.26;
+  all += mix(vec3(0.30, 0.25, 0.21), vec3(0.46, 0.47, 0.50), n.y * 0.5 + 0.5) * mix(0.72, 0.5, dark);
+  float edge = pow(1.0 - max(dot(n, eye), 0.0), 3.0);
+  return all + vec3(1.0, 0.86, 0.72) * edge * max(dot(n, back) + 0.35, 0.0) * 0.55;
+}
+float shine(vec3 n) {
+  float glance = max(dot(n, normalize(normalize(vec3(-0.62, 0.62, 0.62)) + vec3(0.0, tilt.y, tilt.x))), 0.0);
+  return (pow(glance, 26.0) + 0.35 * pow(glance, 6.0)) * (wheel == 0 ? 0.16 : 0.05);
+}
+float shadow(vec3 place, vec3 n) {
+  if (wheel == 0) return mix(0.62, 1.0, smoothstep(-0.02, 0.16, place.y));
+  if (n.y <= 0.7) return 1.0;
+  float contact = smoothstep(foot.x * 0.82, foot.x + 0.16, length(place.xz));
+  float thrown = smoothstep(0.72, 1.35, length((place.xz - vec2(0.2, -0.12)) / max(foot.y, 0.05)));
+  return mix(0.42, 1.0, contact) * mix(0.7, 1.0, thrown);
+}
+`;
+
+const VERTEX = `
 layout(location=0) in vec2 grid;
 uniform highp sampler2D profile;
 uniform vec4 eye; // pixels to clip: scale x, scale y, middle, foot
-uniform vec2 tilt; // cos, sin
 out vec3 place; out vec3 normal; out float open;
+out vec3 lit; out vec2 lean; out vec3 skin;
 void main() {
   int ring = int(grid.x);
   vec4 q = texelFetch(profile, ivec2(ring, 0), 0);
@@ -124,13 +157,18 @@ void main() {
   float up = place.y * tilt.x - place.z * tilt.y;
   float near = place.y * tilt.y + place.z * tilt.x;
   gl_Position = vec4(place.x * eye.x + eye.z, up * eye.y + eye.w, -near * 0.08, 1.0);
+#ifdef LITE
+  vec3 n = normalize(normal);
+  float shade = open * shadow(place, n);
+  vec3 dim = light(n);
+  lit = dim * shade;
+  lean = vec2(dot(light(normalize(n + vec3(0.0, 0.06, 0.0))) - dim, vec3(0.33)), shine(n)) * shade;
+  skin = vec3((grid.y - atan(turn.y, turn.x)) / 6.2831853, place.y, abs(n.y) > 0.75 ? q.x : place.y);
+#endif
 }`;
 
-const FRAGMENT = `#version 300 es
-precision highp float;
+const FRAGMENT = `
 in vec3 place; in vec3 normal; in float open;
-uniform vec2 tilt; uniform vec2 turn; uniform int wheel; uniform vec3 colour; uniform vec4 foot;
-uniform float dark;
 out vec4 shown;
 float hash(vec3 p) { p = fract(p * 0.3183099 + 0.1); p *= 17.0;
   return fract(p.x * p.y * p.z * (p.x + p.y + p.z)); }
@@ -143,12 +181,11 @@ float groove(float x, float k) { float w = fwidth(x) * k; return cos(x * k) * (1
 void main() {
   vec3 n = normalize(normal);
   vec3 own = vec3(place.x * turn.x + place.z * turn.y, place.y, place.z * turn.x - place.x * turn.y);
-  float around = length(place.xz);
-  float lay = noise(own * 5.0), fine = noise(own * 38.0), grain = LITE ? fine : noise(own * 95.0);
-  float along = abs(n.y) > 0.75 ? around : place.y;
+  float around = length(place.xz), shade = open * shadow(place, n);
+  float lay = noise(own * 5.0), fine = noise(own * 38.0), grain = noise(own * 95.0);
   vec3 base = colour;
-  float gloss = 0.10, shade = open;
   if (wheel == 0) {
+    float along = abs(n.y) > 0.75 ? around : place.y;
     float g = 0.055 * groove(along + 0.006 * lay, 170.0) + 0.035 * groove(along + 0.01 * lay, 410.0);
     g += 0.05 * (lay - 0.5);
     if (abs(n.y) > 0.75) n = normalize(n + vec3(place.x, 0.0, place.z) / max(around, 1e-4) * g);
@@ -156,30 +193,25 @@ void main() {
     n = normalize(n + 0.05 * (vec3(fine, grain, fine) - 0.5));
     base *= 0.88 + 0.16 * lay + 0.10 * grain;
     base = mix(base, base * vec3(0.78, 0.74, 0.72), smoothstep(0.72, 0.9, fine) * 0.5);
-    shade *= mix(0.62, 1.0, smoothstep(-0.02, 0.16, place.y));
-    gloss = 0.16;
-  } else {
-    float ring = 0.5 + 0.5 * groove(around, 95.0);
-    base *= 0.92 + 0.08 * ring + 0.07 * lay;
-    if (n.y > 0.7) {
-      float contact = smoothstep(foot.x * 0.82, foot.x * 1.0 + 0.16, around);
-      float thrown = smoothstep(0.72, 1.35, length((place.xz - vec2(0.2, -0.12)) / max(foot.y, 0.05)));
-      shade *= mix(0.42, 1.0, contact) * mix(0.7, 1.0, thrown);
-    }
-    gloss = 0.05;
-  }
-  vec3 eye = vec3(0.0, tilt.y, tilt.x);
-  vec3 key = normalize(vec3(-0.62, 0.62, 0.62)), fill = normalize(vec3(0.85, 0.12, 0.45));
-  vec3 back = normalize(vec3(0.55, 0.42, -0.72));
-  float k = max((dot(n, key) + 0.22) / 1.22, 0.0), f = max((dot(n, fill) + 0.3) / 1.3, 0.0);
-  vec3 light = vec3(1.0, 0.95, 0.88) * k * k * 1.32 + vec3(0.62, 0.74, 0.92) * f * 0.26;
-  light += mix(vec3(0.30, 0.25, 0.21), vec3(0.46, 0.47, 0.50), n.y * 0.5 + 0.5) * mix(0.72, 0.5, dark);
-  float edge = pow(1.0 - max(dot(n, eye), 0.0), 3.0);
-  light += vec3(1.0, 0.86, 0.72) * edge * max(dot(n, back) + 0.35, 0.0) * 0.55;
-  float shine = pow(max(dot(n, normalize(key + eye)), 0.0), 26.0) + 0.35 * pow(max(dot(n, normalize(key + eye)), 0.0), 6.0);
-  vec3 seen = base * light * shade + gloss * shine * shade * vec3(1.0, 0.96, 0.9);
+  } else base *= 0.96 + 0.04 * groove(around, 95.0) + 0.07 * lay;
+  vec3 seen = base * light(n) * shade + shine(n) * shade * vec3(1.0, 0.96, 0.9);
   seen = seen / (1.0 + 0.18 * seen);
   shown = vec4(pow(clamp(seen, 0.0, 1.0), vec3(1.0 / 2.2)), 1.0);
+}`;
+
+const LITE_FRAGMENT = `
+in vec3 lit; in vec2 lean; in vec3 skin;
+uniform sampler2D grains;
+out vec4 shown;
+void main() {
+  float lay = texture(grains, skin.xy * vec2(0.125, 0.08)).x, grain = texture(grains, skin.xy * vec2(2.0, 1.2)).x;
+  vec3 base = colour, seen = lit;
+  if (wheel == 0) {
+    seen += lean.x * (cos((skin.z + 0.006 * lay) * 170.0) + lay - 0.5);
+    base *= 0.86 + 0.16 * lay + 0.14 * grain;
+  } else base *= 0.96 + 0.04 * cos(skin.z * 95.0) + 0.07 * lay;
+  seen = base * seen + lean.y;
+  shown = vec4(sqrt(seen / (1.0 + 0.18 * seen)), 1.0);
 }`;
 
 /* ---------------------------------------------------------------- small things */
@@ -234,6 +266,10 @@ function ringsOf(points) {
     rings.push([p[0], p[1], dy / length, -dx / length]);
   });
   rings.push(...lip.arc, [0, tall, 0, 1]);
+  // What the front of clay above hides of the contour, which lies in the plane of the axis.
+  const drawn = rings.slice(1, -1);
+  const hidden = drawn.map(([r, y], i) => drawn.slice(i + 1).some(([wide, high]) =>
+    wide > r && (high - y) * COS < Math.sqrt(wide * wide - r * r) * SIN));
   const open = rings.map(([r, y]) => {
     let hidden = 0;
     for (let i = 0; i < n; i += 2) {
@@ -243,16 +279,13 @@ function ringsOf(points) {
     return 1 / (1 + 0.55 * Math.max(hidden, 0));
   });
   open[open.length - 1] = 1;
-  // What the front of clay above hides of the contour, which lies in the plane of the axis.
-  const drawn = rings.slice(1, -1);
-  const hidden = drawn.map(([r, y], i) => drawn.slice(i + 1).some(([wide, high]) =>
-    wide > r && (high - y) * COS < Math.sqrt(wide * wide - r * r) * SIN));
   return { rings: rings.slice(0, MOST_RINGS), open, outline, drawn, hidden, tall, widest, foot: outline[0][0] };
 }
 
 function wheelRings(radius) {
   const r = radius, t = 0.035;
-  return [[0, 0, 0, 1], [r - 0.01, 0, 0, 1], [r, -0.004, 0.7, 0.7], [r, -0.004, 1, 0],
+  const top = Array.from({ length: 9 }, (_, i) => [(i / 9) * (r - 0.01), 0, 0, 1]);
+  return [...top, [r - 0.01, 0, 0, 1], [r, -0.004, 0.7, 0.7], [r, -0.004, 1, 0],
     [r, -t, 1, 0], [r - 0.05, -t - 0.01, 0.3, -1], [0.16, -t - 0.01, 0, -1], [0.16, -t - 0.01, 1, 0],
     [0.14, -0.4, 1, 0]].map(([a, b, c, d]) => [a, b - 0.001, c, d]).reverse();
 }
@@ -286,9 +319,10 @@ class Body {
   build() {
     const gl = this.gl;
     const program = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    const pixels = this.software ? LITE_FRAGMENT : LIGHT + FRAGMENT;
+    for (const [kind, text] of [[gl.VERTEX_SHADER, LIGHT + VERTEX], [gl.FRAGMENT_SHADER, pixels]]) {
       const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text.replaceAll("LITE", String(this.software)));
+      gl.shaderSource(shader, HEAD + (this.software ? "#define LITE\n" : "") + text);
       gl.compileShader(shader);
       gl.attachShader(program, shader);
     }
@@ -296,9 +330,9 @@ class Body {
     if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
     gl.useProgram(program);
     this.at = {};
-    for (const name of ["profile", "eye", "tilt", "turn", "wheel", "colour", "foot", "dark"])
+    for (const name of ["profile", "eye", "tilt", "turn", "wheel", "colour", "foot", "dark", "grains"])
       this.at[name] = gl.getUniformLocation(program, name);
-    this.sides = this.software ? 72 : SEGMENTS;
+    this.sides = this.software ? 36 : SEGMENTS;
     const grid = new Float32Array(MOST_RINGS * (this.sides + 1) * 2);
     const index = new Uint32Array((MOST_RINGS - 1) * this.sides * 6);
     let at = 0;
@@ -319,6 +353,7 @@ class Body {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, index, gl.STATIC_DRAW);
     this.clay = this.texture();
     this.wheel = this.texture();
+    if (this.software) this.grains();
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
     gl.cullFace(gl.BACK);
@@ -334,6 +369,17 @@ class Body {
     return texture;
   }
 
+  /* Noise as a picture, in the second unit of textures. */
+  grains() {
+    const gl = this.gl, side = 64, bytes = Uint8Array.from({ length: side * side }, () => 256 * Math.random());
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, side, side, 0, gl.RED, gl.UNSIGNED_BYTE, bytes);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+    gl.uniform1i(this.at.grains, 1);
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
   upload(texture, rings, open) {
     const gl = this.gl, data = new Float32Array(MOST_RINGS * 8);
     rings.forEach((ring, i) => { data.set(ring, 4 * i); data[4 * (MOST_RINGS + i)] = open ? open[i] : 1; });
@@ -343,7 +389,10 @@ class Body {
 
   take(shape) {
     this.shape = shape;
-    if (this.gl && this.ready) this.upload(this.clay, shape.rings, shape.open);
+    const apart = this.software ? Math.ceil(shape.rings.length / LITE_RINGS) : 1;
+    const kept = (ring, i) => i % apart === 0 || i === shape.rings.length - 1;
+    this.rings = shape.rings.filter(kept);
+    if (this.gl && this.ready) this.upload(this.clay, this.rings, shape.open.filter(kept));
   }
 
   draw(view, turn, dark) {
@@ -365,7 +414,7 @@ class Body {
       (2 * view.x) / view.width - 1, 1 - (2 * view.y) / view.height);
     gl.uniform2f(at.tilt, COS, SIN);
     gl.uniform2f(at.turn, Math.cos(turn), Math.sin(turn));
-    gl.uniform4f(at.foot, shape.foot, Math.min(shape.widest, 0.8), 0, 0);
+    gl.uniform2f(at.foot, shape.foot, Math.min(shape.widest, 0.8));
     gl.uniform1f(at.dark, dark ? 1 : 0);
     const draw = (texture, count, wheel, colour) => {
       gl.bindTexture(gl.TEXTURE_2D, texture);
@@ -373,7 +422,7 @@ class Body {
       gl.uniform3fv(at.colour, colour);
       gl.drawElements(gl.TRIANGLES, (count - 1) * this.sides * 6, gl.UNSIGNED_INT, 0);
     };
-    draw(this.clay, shape.rings.length, 0, [0.56, 0.235, 0.125]);
+    draw(this.clay, this.rings.length, 0, [0.56, 0.235, 0.125]);
     draw(this.wheel, this.wheelRings.length, 1, dark ? [0.075, 0.068, 0.064] : [0.48, 0.44, 0.40]);
   }
 
@@ -796,6 +845,8 @@ class Studio {
     this.dark = jupyter ? jupyter === "false" : classes.contains("dark") ||
       (!classes.contains("light") && matchMedia("(prefers-color-scheme: dark)").matches);
     this.root.classList.toggle("dark", this.dark);
+    const style = getComputedStyle(this.root);
+    this.colours = { zone: style.getPropertyValue("--zone").trim(), accent: style.getPropertyValue("--accent").trim() };
   }
 
   down(event) {
@@ -925,9 +976,9 @@ class Studio {
     }
     const oldest = this.pending.values().next().value;
     if (oldest !== undefined && now - oldest > PATIENCE_MS) this.late(true);
-    const step = Math.min(now - (this.before ?? now - 32), 100);
+    const step = Math.min(now - (this.before ?? now - 200), 200);
     if (drag && this.layout) this.drawOver();
-    if (this.body.software && step < (drag ? 50 : 32)) return; // Python needs the processors too
+    if (this.body.software && step < (drag ? 140 : 45)) return; // Python needs the processors too
     this.before = now;
     if (!this.still) this.turn = (this.turn + step * 0.0011) % (2 * Math.PI);
     if (!this.fit(step)) return;
@@ -938,7 +989,7 @@ class Studio {
   fit(step) {
     const width = this.stage.clientWidth, height = this.stage.clientHeight;
     if (!width || !height) return false;
-    const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.6 : 1) : Math.min(devicePixelRatio || 1, 2);
+    const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.45 : 1) : Math.min(devicePixelRatio || 1, 2);
     for (const [canvas, r] of [[this.canvas, ratio], [this.over, Math.min(devicePixelRatio || 1, 2)]]) {
       const [w, h] = [Math.round(width * r), Math.round(height * r)];
       if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; this.seen = null; }
@@ -966,7 +1017,6 @@ class Studio {
     if (seen === this.seen && this.shape === this.outlined && this.target === this.outlinedTarget) return;
     [this.seen, this.outlined, this.outlinedTarget] = [seen, this.shape, this.target];
     const c = this.over.getContext("2d"), v = this.layout, ratio = this.over.width / v.width;
-    const style = getComputedStyle(this.root), of = (name) => style.getPropertyValue(name).trim();
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, v.width, v.height);
     const at = (r, y, side = 1) => [v.x + side * r * v.scale, v.y - y * COS * v.scale];
@@ -985,14 +1035,14 @@ class Studio {
     if (this.target) {
       c.lineWidth = 1.6;
       c.setLineDash([6, 5]);
-      c.strokeStyle = of("--zone");
+      c.strokeStyle = this.colours.zone;
       const points = [];
       for (let i = 0; i < this.target.length; i += 2) points.push([this.target[i], this.target[i + 1]]);
       for (const side of [1, -1]) line([[0, points[0][1]], ...points, [0, points.at(-1)[1]]], side);
       c.setLineDash([]);
     }
-    this.drawZone(c, line, of("--zone"));
-    this.drawTool(c, at, of("--accent"));
+    this.drawZone(c, line, this.colours.zone);
+    this.drawTool(c, at, this.colours.accent);
   }
 
   drawZone(c, line, colour) {
