@@ -172,9 +172,8 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
 
 def stack(trees: list[Any], size: int | None = None) -> Any:
     """One tree of arrays with a leading axis, filled up to ``size`` with the last tree."""
-    trees = as_float64(trees)
     trees = trees + [trees[-1]] * ((size or len(trees)) - len(trees))
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
+    return as_float64(jax.tree.map(lambda *leaves: np.stack(leaves), *trees))
 
 
 def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
