@@ -1,12 +1,12 @@
 """The interactive modeller: a pentagon pushed against turning clay (Figs. 6 and 7 of the paper).
 
-``modeller``: strokes in, shapes out, undo, pieces; plain Python that knows no browser.  ``drawing``:
-a stroke under way, its steps and what is shown between them.
-``reading``: what there is to read off.  ``tool``: where the pentagon presses, and its way in equal
-steps.  ``solving``: certified answers on slices whose programs are compiled.  ``starts``: pieces to
-begin from.  ``messages``: what a page may ask, ``checked``, and what it is told.  ``widget``: the
-same in Jupyter, :class:`Studio`.  ``host``: a page of its own, ``jaxclay studio``.
-``static/studio.js``: the one front end of both.
+``modeller``: strokes in, shapes out, undo, pieces; plain Python that knows no browser.
+``drawing``: a stroke under way, its steps and what is shown between them.  ``reading``: what there
+is to read off.  ``tool``: where the pentagon presses, and its way in equal steps.  ``solving``:
+certified answers on slices whose programs are compiled.  ``starts``: pieces to begin from.
+``messages``: what a page may ask, ``checked``, and what it is told.  ``widget``: the same in
+Jupyter, :class:`Studio`.  ``host``: a page of its own, ``jaxclay studio``.  ``static/studio.js``:
+the one front end of both.
 
 May import all rooms to its left but experiments, which does not know this one either.
 """
