@@ -89,9 +89,12 @@ class Desk:
         return [(content | {"view": view, "id": number}, sent) for content, sent in answers]
 
     def work_ahead(self) -> None:
-        """Use the time until the next message."""
+        """Use the time until the next message; never raises."""
         with self._lock:
-            self.modeller.work_ahead()
+            try:
+                self.modeller.work_ahead()
+            except Exception:
+                logging.getLogger("jaxclay.studio").exception("a fault inside")
 
     def left(self, view: str) -> list[Answer]:
         """A view is gone: what it was drawing is done."""
