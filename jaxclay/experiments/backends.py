@@ -13,13 +13,10 @@ import uuid
 from collections.abc import Generator, Iterator
 from typing import Any
 
-from jaxclay.experiments.entries.tasks import Task, identity
-from jaxclay.experiments.machine import environment, one_thread
-from jaxclay.experiments.solving.rows import Row
-from jaxclay.experiments.solving.solve import solve
-from jaxclay.experiments.solving.where import cores, xla_threads
+from jaxclay.experiments.entries.tasks import Task
+from jaxclay.experiments.machine import cores, environment, identity, one_thread, xla_threads
+from jaxclay.experiments.solving.solve import Row, solve
 from jaxclay.numerics.checks import Hindrance, needing
-from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
 ANSWERS_WITHIN = 20.0  # seconds, a scheduler
@@ -100,6 +97,4 @@ def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:
             f"a worker has {here} and {xla_threads()} threads, but {wanted} and "
             f"{', '.join(map(str, threads))} are wanted: start workers with that, threads by NPROC"
         )
-    found = solve(batch)
-    let_go()
-    return found
+    return solve(batch)

@@ -22,7 +22,7 @@ from rich.progress import (
 from rich.text import Text
 
 from jaxclay.experiments.engine import Callback, in_words
-from jaxclay.experiments.solving.rows import Row
+from jaxclay.experiments.solving.solve import Row
 
 INTERRUPTED = 130
 EVERY = 5.0  # seconds, at most, between plain lines
@@ -30,9 +30,17 @@ Interrupt = Callable[[], None]
 _RATE_OVER = 60.0  # seconds
 
 
-def plain_console(**options: Any) -> Console:
+def plain_console() -> Console:
     """Standard output that prints names and commands as they are: brackets are no markup."""
-    return Console(markup=False, emoji=False, **options)
+    return Console(markup=False, emoji=False, highlight=False)
+
+
+def say(*lines: str) -> None:
+    """Print lines there, none of them broken, at once."""
+    console = plain_console()
+    for line in lines:
+        console.print(line, soft_wrap=True)
+    sys.stdout.flush()
 
 
 @contextlib.contextmanager
@@ -64,25 +72,22 @@ def _bar(console: Console, label: str, total: int, done: int) -> Iterator[Callab
 def _lines(console: Console, label: str, total: int, first: int) -> Iterator[Callable]:
     """Plain lines on standard error, by a thread of their own: one solve may take long."""
     begin, ended = time.perf_counter(), threading.Event()
-    latest: list[Any] = ["begins", first]
+    latest: list[Any] = [("begins", first)]
 
-    def say(stream) -> None:
+    def tell(stream) -> None:
         while not ended.wait(EVERY):
-            text, done = latest
+            text, done = latest[-1]
             speed = (done - first) / (time.perf_counter() - begin)
             left = in_words((total - done) / speed) if speed else "not known how much"
-            line = f"{done} of {total} tasks{_rate(speed, ', ')}, {left} left; {text}"
+            rate = f", {_rate(speed)}" if speed else ""
+            line = f"{done} of {total} tasks{rate}, {left} left; {text}"
             with contextlib.suppress(OSError, ValueError):  # nobody may read it any more
                 print(line, file=stream, flush=True)
 
-    thread = threading.Thread(target=say, args=(sys.stderr,), daemon=True)
+    thread = threading.Thread(target=tell, args=(sys.stderr,), daemon=True)
     thread.start()
-
-    def show(*news: Any) -> None:
-        latest[:] = news
-
     try:
-        yield show
+        yield lambda *news: latest.append(news)
     finally:
         ended.set()
         thread.join()
@@ -92,10 +97,8 @@ class _Rate(ProgressColumn):
     """How many a second, or seconds for each."""
 
     def render(self, task: Task) -> Text:
-        return Text(_rate(task.speed))
+        return Text(_rate(task.speed) if task.speed else "")
 
 
-def _rate(speed: float | None, before: str = "") -> str:
-    if not speed:
-        return ""
-    return before + (f"{speed:.1f}/s" if speed >= 1 else f"{1 / speed:.1f} s each")
+def _rate(speed: float) -> str:
+    return f"{speed:.1f}/s" if speed >= 1 else f"{1 / speed:.1f} s each"

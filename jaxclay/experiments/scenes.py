@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -44,10 +44,20 @@ class Scene:
         """alpha and beta as printed (eq. 21) or in snake units of 64 slices, or 0."""
         if units == "move":
             return Material(self.k, self.mu, 0.0, 0.0)
-        if units == "printed":
-            return Material(self.k, self.mu, self.alpha, self.beta)
         constants = self.k, self.mu, self.alpha, self.beta
+        if units == "printed":
+            return Material(*constants)
         return Material.from_snake_units(*constants, slices=SNAKE_SLICES)
+
+    def stages(
+        self, units: str, slices: int, **how: Any
+    ) -> Iterator[tuple[Clay, Squash, Material]]:
+        """Each squash with the clay that those before it left, solved ``how`` deform is told."""
+        clay, material = self.clay(slices), self.material(units)
+        yield clay, self.squashes[0], material
+        for before, squash in itertools.pairwise(self.squashes):
+            clay = deform(clay, before, material, **how).raise_for_status().clay
+            yield clay, squash, material
 
     def problems(self, units: str, slices: int, scheme: str = "paper") -> list[Problem]:
         """Each squash posed on what the certified minima before it left.
@@ -55,14 +65,8 @@ class Scene:
         On the paper's scheme, or on "slices" that are equal on each side of the band, where
         greedy is not held up by the thinnest of them.
         """
-        clay, material = self.clay(slices), self.material(units)
-        how: dict[str, Any] = {"spacing": "equal"} if scheme == "slices" else {}
-        how["scheme"] = scheme
-        problems = [pose(clay, self.squashes[0], material, **how)]
-        for before, squash in itertools.pairwise(self.squashes):
-            clay = deform(clay, before, material, **how).raise_for_status().clay
-            problems.append(pose(clay, squash, material, **how))
-        return problems
+        how: Any = {"scheme": scheme} | ({"spacing": "equal"} if scheme == "slices" else {})
+        return [pose(*stage, **how) for stage in self.stages(units, slices, **how)]
 
 
 def _cylinder(radius: float) -> Callable[[int], Clay]:

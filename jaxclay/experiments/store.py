@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from jaxclay.experiments.columns import SCHEMA
-from jaxclay.experiments.solving.rows import Row
+from jaxclay.experiments.solving.solve import Row
 from jaxclay.files.replacing import replacing
 
 _FOLDER, _EXPERIMENTS = "results", "experiments"
@@ -51,13 +51,13 @@ class Store:
             del self._known[name]
         return {key: status for each in self._known.values() for key, status in each.items()}
 
-    def append(self, rows: list[Row]) -> Path:
+    def append(self, rows: list[Row]) -> None:
         """Add the rows as one file, whole or not at all.
 
         Raises OSError: The disk is full or refuses; nothing of these rows is kept.
         """
-        keys = sorted(row["key"] for row in rows)
-        name = hashlib.sha256("".join(keys).encode()).hexdigest()[:16]
+        keys = "".join(sorted(row["key"] for row in rows))
+        name = hashlib.sha256(keys.encode()).hexdigest()[:16]
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self.folder / f"part-{name}.parquet"
         table = pa.Table.from_pylist(rows, schema=SCHEMA)
@@ -66,7 +66,6 @@ class Store:
             with temporary.open("rb") as file:
                 os.fsync(file.fileno())
         self._known[path.name] = {row["key"]: row["status"] for row in rows}
-        return path
 
     def _read(self, path: Path) -> dict[str, str]:
         try:

@@ -25,7 +25,7 @@ from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
 from jaxclay.solve.solution import Solution
 from jaxclay.solve.start import start_of
 
-_CAPACITY = 256  # problems of one call
+CAPACITY = 256  # problems of one call
 _MANY = 64  # problems for which it pays to compile their rough shapes too
 
 
@@ -132,8 +132,8 @@ def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Soluti
     sizes = [(each.problem.slices, each.problem.scheme) for each in wanted]
     for size in dict.fromkeys(sizes):
         same = [i for i, other in enumerate(sizes) if other == size]
-        for first in range(0, len(same), _CAPACITY):
-            part = same[first : first + _CAPACITY]
+        for first in range(0, len(same), CAPACITY):
+            part = same[first : first + CAPACITY]
             found = _together([wanted[i] for i in part], [settings[i] for i in part])
             answers.update(zip(part, found, strict=True))
     return [answers[i] for i in range(len(wanted))]
@@ -146,7 +146,7 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
             pairs = list(zip(problems, settings, strict=True))
             count = np.array(len(pairs))
             answer, feasible = in_float64(
-                "minimize", from_rough_shapes, stack(pairs, _CAPACITY), count
+                "minimize", from_rough_shapes, stack(pairs, CAPACITY), count
             )
         else:
             starts = [newton_start(each) for each in wanted]
@@ -179,7 +179,7 @@ def stack(trees: list[Any], size: int | None = None) -> Any:
 
 def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
     """The arrays of all problems, padded to as many as one call takes."""
-    whole = np.zeros((_CAPACITY, *leaves[0].shape))
+    whole = np.zeros((CAPACITY, *leaves[0].shape))
     whole[: len(leaves)] = leaves
     return whole
 
@@ -187,7 +187,7 @@ def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
 @compiled()
 def programs(values: Packed, count: Array) -> Answer:
     """The first ``count`` of many calls of the program."""
-    return _each(lambda i: program.traced(jax.tree.map(lambda leaf: leaf[i], values)), count)
+    return each(lambda i: program.traced(jax.tree.map(lambda leaf: leaf[i], values)), count)
 
 
 @compiled()
@@ -200,15 +200,15 @@ def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tu
         start = start_of(problem, rough, None, "newton")
         return answered(problem.system, start, settings, feasible), feasible
 
-    return _each(one, count)
+    return each(one, count)
 
 
-def _each(one: Any, count: Array) -> Any:
+def each(one: Any, count: Array) -> Any:
     """The results of ``one`` for 0, 1 .. count - 1, padded to as many as one call takes."""
 
     def put(i, found):
         return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))
 
     shapes = jax.eval_shape(one, 0)
-    empty = jax.tree.map(lambda leaf: jnp.zeros((_CAPACITY, *leaf.shape), leaf.dtype), shapes)
+    empty = jax.tree.map(lambda leaf: jnp.zeros((CAPACITY, *leaf.shape), leaf.dtype), shapes)
     return jax.lax.fori_loop(0, count.astype(int), put, empty)

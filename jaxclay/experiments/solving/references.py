@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from typing import Any, NamedTuple
 
+import jax
+import numpy as np
+
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import contour_error
-from jaxclay.experiments.entries.sizes import Discretisation
 from jaxclay.experiments.entries.specification import Specification
+from jaxclay.experiments.entries.tables import Discretisation
 from jaxclay.experiments.entries.tasks import Task
-from jaxclay.experiments.solving.batched import minimized
 from jaxclay.experiments.solving.clock import compiled
+from jaxclay.methods.choice import method_settings
 from jaxclay.methods.lbfgs import has_jaxopt
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
+from jaxclay.numerics import host
+from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.schemes.posing import pose
+from jaxclay.schemes.problem import Problem
+from jaxclay.solve.batch import CAPACITY, each, minimize_batch, stack
 from jaxclay.solve.minimize import deform, minimize
 from jaxclay.solve.solution import Solution
 
@@ -25,6 +33,43 @@ _KEPT = 1024
 _DENSE = 256  # slices beyond which only newton is a reference: the other's time goes as their cube
 _OTHER = "lbfgs-preconditioned"  # newton's, on all schemes
 _answers: dict[tuple, Solution | None] = {}  # by scene, discretisation and method
+
+
+def minimized(
+    problems: list[Problem], method: str, settings: list[dict[str, float]]
+) -> list[Solution]:
+    """The answers to problems on as many slices each, many in one call, with the settings of each.
+
+    On a CPU the call solves one problem after the other, each to its own end.
+    """
+    chosen = [method_settings(method, one) for one in settings]
+    if method == "newton":
+        return minimize_batch(problems, chosen)
+    answers: dict[int, Solution] = {}
+    shapes = [jax.tree.structure(one) for one in chosen]  # what a program is compiled for
+    for shape in dict.fromkeys(shapes):
+        same = [i for i, other in enumerate(shapes) if other == shape]
+        for begin in range(0, len(same), CAPACITY):
+            part = same[begin : begin + CAPACITY]
+            pairs = stack([(problems[i], chosen[i]) for i in part], CAPACITY)
+            with jax.enable_x64(True):
+                found = _many.whole(pairs, np.array(len(part)), method=method)
+            leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, found))
+            for j, i in enumerate(part):
+                answers[i] = jax.tree.unflatten(structure, [leaf[j] for leaf in leaves])
+    return [answers[i] for i in range(len(problems))]
+
+
+@host.compiled("method")
+def _many(pairs: tuple[Problem, Any], count: Array, *, method: str) -> Solution:
+    """The first ``count`` answers."""
+
+    def one(i):
+        problem, chosen = jax.tree.map(lambda leaf: leaf[i], pairs)
+        names = (field.name for field in dataclasses.fields(chosen))
+        return minimize(problem, method, **{name: getattr(chosen, name) for name in names})
+
+    return each(one, count)
 
 
 def reference_method(method: str) -> str:
@@ -104,12 +149,9 @@ def whole(specification: Specification, slices: int = _FINE) -> tuple[Clay, Squa
     Raises ValueError, Hindrance: Why an earlier squash could not be solved; a squash above the
     clay.
     """
-    scene = specification.scene()
-    clay, material = scene.clay(slices), scene.material(specification.units)
-    for squash in scene.squashes[:-1]:
-        clay = deform(clay, squash, material).raise_for_status().clay
-    check_fits(scene.squashes[-1], clay)
-    return clay, scene.squashes[-1], material
+    *_, (clay, squash, material) = specification.scene().stages(specification.units, slices)
+    check_fits(squash, clay)
+    return clay, squash, material
 
 
 class Continuum(NamedTuple):
