@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.clay.clay import Clay
+from jaxclay.methods.choice import method_settings
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
@@ -20,7 +22,7 @@ from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_start
 from jaxclay.schemes.slices.posing import place
 from jaxclay.solve.certified_newton import Answer, Packed, answered, packed, program, unpacked
-from jaxclay.solve.minimize import newton_start, solution_of
+from jaxclay.solve.minimize import minimize, newton_start, solution_of
 from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
 from jaxclay.solve.solution import Solution
 from jaxclay.solve.start import start_of
@@ -30,9 +32,9 @@ _MANY = 64  # problems for which it pays to compile their rough shapes too
 
 
 def minimize_batch(
-    problems: Sequence[Problem], settings: Sequence[NewtonSettings] | None = None
+    problems: Sequence[Problem], settings: Sequence[Any] | None = None, method: str = "newton"
 ) -> list[Solution]:
-    """Newton's minima of E_total (eq. 9): problems on as many slices in one compiled call.
+    """Minima of E_total (eq. 9) by one method: problems on as many slices in one compiled call.
 
     The call solves one problem after the other, each to its own end, so that nobody waits for a
     straggler.
@@ -41,8 +43,10 @@ def minimize_batch(
     ----------
     problems : sequence of Problem
         From :func:`jaxclay.pose`, on slices of either scheme.
-    settings : sequence of NewtonSettings, optional
-        Newton's for each problem.
+    settings : sequence of settings, optional
+        The method's for each problem; its defaults if not given.
+    method : str
+        A key of :data:`jaxclay.METHODS`.
 
     Returns
     -------
@@ -52,9 +56,10 @@ def minimize_batch(
     Raises
     ------
     ValueError
-        Settings for another number of problems, a problem on splines.
+        An unknown method, settings for another number of problems, a problem on splines.
     """
-    chosen = [NewtonSettings()] * len(problems) if settings is None else list(settings)
+    default = method_settings(method, {})
+    chosen = [default] * len(problems) if settings is None else list(settings)
     if len(chosen) != len(problems):
         raise ValueError(f"{len(chosen)} settings do not go with {len(problems)} problems")
     for i, problem in enumerate(problems):
@@ -63,7 +68,7 @@ def minimize_batch(
                 f'problems[{i}] is on scheme "spline", but only "slices" and "paper" are solved in '
                 "batches: give it to jaxclay.minimize"
             )
-    return _solved([Wanted(problem, None) for problem in problems], chosen)
+    return _solved([Wanted(problem, None) for problem in problems], chosen, method)
 
 
 def deform_batch(
@@ -127,14 +132,21 @@ def _followed(plans: list[Plan]) -> list[Solution]:
     return [ends[i] for i in range(len(plans))]
 
 
-def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
+def _solved(wanted: list[Wanted], settings: list[Any], method: str = "newton") -> list[Solution]:
     answers: dict[int, Solution] = {}
-    sizes = [(each.problem.slices, each.problem.scheme) for each in wanted]
-    for size in dict.fromkeys(sizes):
-        same = [i for i, other in enumerate(sizes) if other == size]
+    shapes = [
+        (one.problem.slices, one.problem.scheme, jax.tree.structure(chosen))
+        for one, chosen in zip(wanted, settings, strict=True)
+    ]
+    for shape in dict.fromkeys(shapes):
+        same = [i for i, other in enumerate(shapes) if other == shape]
         for first in range(0, len(same), CAPACITY):
             part = same[first : first + CAPACITY]
-            found = _together([wanted[i] for i in part], [settings[i] for i in part])
+            these, theirs = [wanted[i] for i in part], [settings[i] for i in part]
+            if method == "newton":
+                found = _together(these, theirs)
+            else:
+                found = _by_method([one.problem for one in these], theirs, method)
             answers.update(zip(part, found, strict=True))
     return [answers[i] for i in range(len(wanted))]
 
@@ -170,6 +182,14 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
         ]
 
 
+def _by_method(problems: list[Problem], settings: list[Any], method: str) -> list[Solution]:
+    """The answers of another method, from rough shapes that are compiled too."""
+    pairs, count = list(zip(problems, settings, strict=True)), np.array(len(problems))
+    found = in_float64("minimize", from_problems, stack(pairs, CAPACITY), count, method=method)
+    leaves, structure = jax.tree.flatten(found)
+    return [jax.tree.unflatten(structure, [leaf[i] for leaf in leaves]) for i in range(int(count))]
+
+
 def stack(trees: list[Any], size: int | None = None) -> Any:
     """One tree of arrays with a leading axis, filled up to ``size`` with the last tree."""
     trees = as_float64(trees)
@@ -187,7 +207,7 @@ def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
 @compiled()
 def programs(values: Packed, count: Array) -> Answer:
     """The first ``count`` of many calls of the program."""
-    return each(lambda i: program.traced(jax.tree.map(lambda leaf: leaf[i], values)), count)
+    return _each(lambda i: program.traced(jax.tree.map(lambda leaf: leaf[i], values)), count)
 
 
 @compiled()
@@ -200,10 +220,22 @@ def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tu
         start = start_of(problem, rough, None, "newton")
         return answered(problem.system, start, settings, feasible), feasible
 
-    return each(one, count)
+    return _each(one, count)
 
 
-def each(one: Any, count: Array) -> Any:
+@compiled("method")
+def from_problems(pairs: tuple[Problem, Any], count: Array, *, method: str) -> Solution:
+    """The same for problems and the settings of another method."""
+
+    def one(i: Any) -> Solution:
+        problem, chosen = jax.tree.map(lambda leaf: leaf[i], pairs)
+        names = (field.name for field in dataclasses.fields(chosen))
+        return minimize(problem, method, **{name: getattr(chosen, name) for name in names})
+
+    return _each(one, count)
+
+
+def _each(one: Any, count: Array) -> Any:
     """The results of ``one`` for 0, 1 .. count - 1, padded to as many as one call takes."""
 
     def put(i, found):

@@ -19,7 +19,7 @@ from jaxclay.cli.main import main  # noqa: E402
 from jaxclay.experiments import engine, load, load_curves, machine, run  # noqa: E402
 from jaxclay.experiments.entries.reading import read_experiment  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
-from jaxclay.experiments.solving.references import minimized  # noqa: E402
+from jaxclay.methods.choice import method_settings  # noqa: E402
 
 
 def test_answers_are_what_the_library_says(whole, experiment):
@@ -139,7 +139,8 @@ def test_timing_runs_alone_on_one_core_with_compiling_apart(tmp_path):
 def test_a_batch_has_settings_for_each(method, settings):
     clay, squash = jaxclay.Clay.cylinder(slices=16), jaxclay.Squash(0.0, 0.3, 0.4)
     problem = jaxclay.pose(clay, squash, jaxclay.Material.from_snake_units(), "paper")
-    answers = minimized([problem] * len(settings), method, settings)
+    every = [method_settings(method, chosen) for chosen in settings]
+    answers = jaxclay.minimize_batch([problem] * len(settings), every, method)
     for answer, chosen in zip(answers, settings, strict=True):
         alone = jaxclay.minimize(problem, method, **chosen)
         assert float(answer.energy) == pytest.approx(float(alone.energy), rel=1e-12)

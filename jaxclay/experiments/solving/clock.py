@@ -140,9 +140,8 @@ def within_budget(
         now = ready({"max_iterations": limit})
         outcome, taken = compiled(program, now.call)
         answer = now.certified(outcome)
-        iterations = int(answer.iterations)
-        _speeds[program] = max(iterations, 1) / taken
-        ended = iterations < limit or limit == most
+        _speeds[program] = max(int(answer.iterations), 1) / taken
+        ended = answer.iterations < limit or limit == most
         if ended or taken >= _NEARLY * seconds:
             late = not ended and answer.status is Status.ITERATION_LIMIT
             return answer, _times(program, [taken]), late

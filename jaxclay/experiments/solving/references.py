@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-from typing import Any, NamedTuple
-
-import jax
-import numpy as np
+from typing import Any
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import contour_error
@@ -15,16 +11,12 @@ from jaxclay.experiments.entries.specification import Specification
 from jaxclay.experiments.entries.tables import Discretisation
 from jaxclay.experiments.entries.tasks import Task
 from jaxclay.experiments.solving.clock import compiled
-from jaxclay.methods.choice import method_settings
 from jaxclay.methods.lbfgs import has_jaxopt
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
-from jaxclay.numerics import host
-from jaxclay.numerics.arrays import Array
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.schemes.posing import pose
-from jaxclay.schemes.problem import Problem
-from jaxclay.solve.batch import CAPACITY, each, minimize_batch, stack
+from jaxclay.solve.batch import minimize_batch
 from jaxclay.solve.minimize import deform, minimize
 from jaxclay.solve.solution import Solution
 
@@ -33,43 +25,6 @@ _KEPT = 1024
 _DENSE = 256  # slices beyond which only newton is a reference: the other's time goes as their cube
 _OTHER = "lbfgs-preconditioned"  # newton's, on all schemes
 _answers: dict[tuple, Solution | None] = {}  # by scene, discretisation and method
-
-
-def minimized(
-    problems: list[Problem], method: str, settings: list[dict[str, float]]
-) -> list[Solution]:
-    """The answers to problems on as many slices each, many in one call, with the settings of each.
-
-    On a CPU the call solves one problem after the other, each to its own end.
-    """
-    chosen = [method_settings(method, one) for one in settings]
-    if method == "newton":
-        return minimize_batch(problems, chosen)
-    answers: dict[int, Solution] = {}
-    shapes = [jax.tree.structure(one) for one in chosen]  # what a program is compiled for
-    for shape in dict.fromkeys(shapes):
-        same = [i for i, other in enumerate(shapes) if other == shape]
-        for begin in range(0, len(same), CAPACITY):
-            part = same[begin : begin + CAPACITY]
-            pairs = stack([(problems[i], chosen[i]) for i in part], CAPACITY)
-            with jax.enable_x64(True):
-                found = _many.whole(pairs, np.array(len(part)), method=method)
-            leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, found))
-            for j, i in enumerate(part):
-                answers[i] = jax.tree.unflatten(structure, [leaf[j] for leaf in leaves])
-    return [answers[i] for i in range(len(problems))]
-
-
-@host.compiled("method")
-def _many(pairs: tuple[Problem, Any], count: Array, *, method: str) -> Solution:
-    """The first ``count`` answers."""
-
-    def one(i):
-        problem, chosen = jax.tree.map(lambda leaf: leaf[i], pairs)
-        names = (field.name for field in dataclasses.fields(chosen))
-        return minimize(problem, method, **{name: getattr(chosen, name) for name in names})
-
-    return each(one, count)
 
 
 def reference_method(method: str) -> str:
@@ -107,7 +62,7 @@ def certified_minima(problems: list[Any], method: str) -> list[Solution | None]:
     other = reference_method(method)
     if not problems or not _has(problems[0], other):
         return [None] * len(problems)
-    return [_accepted(one) for one in minimized(problems, other, [{}] * len(problems))]
+    return [_accepted(one) for one in minimize_batch(problems, method=other)]
 
 
 def certified_minimum(task: Task, answer: Solution) -> Solution | None:
@@ -154,18 +109,12 @@ def whole(specification: Specification, slices: int = _FINE) -> tuple[Clay, Squa
     return clay, squash, material
 
 
-class Continuum(NamedTuple):
-    """The contour that stands for the continuum's minimum, and about how far it is off, over l."""
-
-    clay: Clay
-    error: float
-
-
 @functools.lru_cache(maxsize=_KEPT)
-def continuum(specification: Specification, slices: int) -> Continuum | None:
-    """Newton's answer on placed slices; None if it is not certified.
+def continuum(specification: Specification, slices: int) -> tuple[Clay, float] | None:
+    """Newton's answer on placed slices, for the continuum, and about how far it is off, over l.
 
-    Of second order: its error is about a third of the way from the answer on half as many.
+    None if it is not certified.  Of second order: its error is about a third of the way from the
+    answer on half as many.
     """
     try:
         piece = whole(specification, slices)
@@ -174,4 +123,4 @@ def continuum(specification: Specification, slices: int) -> Continuum | None:
         return None
     if _accepted(half) is None or _accepted(full) is None:
         return None
-    return Continuum(full.clay, contour_error(half.clay, full.clay) / 3)
+    return full.clay, contour_error(half.clay, full.clay) / 3

@@ -24,14 +24,14 @@ from jaxclay.experiments.solving.references import (
     certified_minima,
     certified_minimum,
     continuum,
-    minimized,
     posed,
     reference_method,
     whole,
 )
+from jaxclay.methods.choice import method_settings
 from jaxclay.numerics.checks import REFUSALS, Missing
 from jaxclay.schemes.energies import total_energy
-from jaxclay.solve.batch import deform_batch
+from jaxclay.solve.batch import deform_batch, minimize_batch
 from jaxclay.solve.minimize import deform
 from jaxclay.solve.solution import Solution
 
@@ -86,6 +86,7 @@ def _certified(task: Task, answer: Solution, minimum: Solution | None, times: Ti
     scale = float((minimum or answer).certificate.energy_free)
     gap, estimate = float(answer.energy) - lowest, answer.error_estimate
     fine = continuum(task.specification, task.continuum) if task.continuum else None
+    clay, error = fine or (None, nan)
     start = slack = nan
     if task.discretisation.scheme != "spline":
         start = float(total_energy(problem, answer.rough.heights))
@@ -106,8 +107,8 @@ def _certified(task: Task, answer: Solution, minimum: Solution | None, times: Ti
         # Where nothing is free, E_free is 0.
         "gap_relative": gap / scale if scale > 0 else 0.0 if gap == 0 else nan,
         "contour_error": nan if minimum is None else contour_error(answer.clay, minimum.clay),
-        "contour_error_continuum": nan if fine is None else contour_error(answer.clay, fine.clay),
-        "continuum_error": nan if fine is None else fine.error,
+        "contour_error_continuum": nan if clay is None else contour_error(answer.clay, clay),
+        "continuum_error": error,
         "error_estimate": nan if estimate is None else float(estimate),
         "reference": _NONE if minimum is None else reference_method(task.method),
         "iterations": int(answer.iterations),
@@ -146,7 +147,8 @@ def _together(batch: list[Task]) -> list[Row]:
         how: dict[str, Any] = {"slices": size.slices or None, "tolerance": size.tolerance or None}
         answers = deform_batch(scenes, **how)
     else:
-        answers = minimized(scenes, method, [dict(batch[i].settings) for i in found])
+        settings = [method_settings(method, dict(batch[i].settings)) for i in found]
+        answers = minimize_batch(scenes, settings, method)
     seconds = (time.perf_counter() - begin) / max(len(scenes), 1)
     times = Times(solve_s=seconds, repeats=1, batch=len(scenes))
     if size.placed:
