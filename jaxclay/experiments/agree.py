@@ -76,7 +76,7 @@ def agree(options: Namespace, interrupt: Interrupt) -> int:
         rows = select(rows, rows.key.isin([task.key for task in every]))
     rows = select(rows, (rows.method == METHOD) & (rows.units == "snake") & (rows.budget == 0))
     rows = select(rows, (rows.scheme != "spline") & (rows.precision == "float64"))
-    rows = select(rows, rows.key == (rows.key if only is None else only))
+    rows = rows if only is None else select(rows, rows.key == only)
     if rows.empty:
         return _nothing(only, experiment)
     holds = True

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import signal
 import uuid
 from collections.abc import Generator, Iterator
 from typing import Any
@@ -75,9 +76,17 @@ def local_cluster() -> Iterator[Any]:
     # Set before workers start: the variables are read when they import JAX.
     with environment(one_thread() | _quiet_after_ctrl_c()), local(
         n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=":0",
-        silence_logs=50, preload=["jaxclay.experiments.dask_worker"],
+        silence_logs=50, preload=[__name__],
     ) as cluster:  # fmt: skip
         yield cluster
+
+
+def dask_setup(worker: Any) -> None:
+    """What dask calls in each of them: it takes a core, and leaves Ctrl-C to its master."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "sched_setaffinity") and isinstance(worker.name, int):
+        mine = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {mine[worker.name % len(mine)]})
 
 
 def _quiet_after_ctrl_c() -> dict[str, str]:

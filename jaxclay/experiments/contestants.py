@@ -20,6 +20,7 @@ from jaxclay.methods import METHODS
 from jaxclay.methods.choice import method_settings
 from jaxclay.methods.loop import Outcome, initial_guess, solve
 from jaxclay.numerics.arrays import Array
+from jaxclay.numerics.host import as_float64
 from jaxclay.schemes.base import Forces
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_shape
@@ -101,12 +102,13 @@ def prepare(
     return Ready(lambda: minimize(problem, name, **settings), lambda answer: answer)
 
 
-def check_contestant(name: str) -> None:
-    """Raise ValueError of an unknown name, ImportError where a peer's library is missing."""
+def checked_contestant(name: str) -> str:
+    """The name; ValueError if it is unknown, ImportError where a peer's library is missing."""
     if name in PEERS:
         peers.checked(name)  # imports it, before threads are limited
     elif name not in METHODS:
         raise ValueError(f"unknown method {name!r}: choose from {', '.join((*METHODS, *PEERS))}")
+    return name
 
 
 def takes_splines(name: str) -> bool:
@@ -121,12 +123,9 @@ def contestant(name: str) -> Contestant:
 
 def rounded(tree: T) -> T:
     """Every number as float32."""
-
-    def convert(leaf):
-        array = np.asarray(leaf)
-        return array.astype(np.float32) if array.dtype.kind in "fiu" else array
-
-    return jax.tree.map(convert, tree)
+    return jax.tree.map(
+        lambda leaf: leaf.astype(np.float32) if leaf.dtype == float else leaf, as_float64(tree)
+    )
 
 
 def widened(problem: Problem, outcome: Outcome) -> Outcome:

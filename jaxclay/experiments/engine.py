@@ -43,37 +43,6 @@ class Work(NamedTuple):
     others: int  # results in the folder that are of none of these tasks
 
 
-class Estimate(NamedTuple):
-    """Seconds by what was measured: medians of ``solve_s`` for each value of _MEASURED."""
-
-    known: dict[tuple, float]
-
-    def seconds(self, task: Task) -> float:
-        """Seconds that a task takes, compiling apart."""
-        d = task.discretisation
-        solve = self.known.get((task.kind, task.method, *(getattr(d, n) for n in _MEASURED[2:])))
-        if solve is None:
-            solve = _QUICK.get(task.method, _OTHERS) * ((d.slices or 64) / 64) ** 2
-            solve = min(solve, task.budget or solve)
-        runs = min(_RUNS, 1 + _RUNS * _SHORT / solve) if task.kind == "timing" else 1
-        runs *= 1 + len(task.stops) / 2
-        return solve * runs + _AROUND + _REFERENCE * bool(task.continuum) + _FIRST * task.first
-
-    def total(self, todo: list[Task], workers: int) -> float:
-        """Seconds that all tasks take on so many workers, compiling included."""
-        schemes = (scheme for scheme, *_ in {task.shape for task in todo})
-        compiling = sum(_COMPILING_SPLINE if one == "spline" else _COMPILING for one in schemes)
-        return sum(map(self.seconds, todo)) / workers + compiling
-
-    def batches(self, todo: list[Task], workers: int) -> Iterator[list[Task]]:
-        """The tasks in lists of one shape: work for all, saved every few seconds."""
-        for _, group in itertools.groupby(todo, key=lambda task: task.shape):
-            same = list(group)
-            most = min(int(_SAVE_EVERY / max(map(self.seconds, same))), MOST)
-            size = max(1, min(most, math.ceil(len(same) / workers)))
-            yield from (same[begin : begin + size] for begin in range(0, len(same), size))
-
-
 def check_backend(experiment: Experiment, backend: str, scheduler: str | None) -> None:
     """Raise ValueError unless the experiment can run on this backend."""
     if backend not in backends.BACKENDS:
@@ -94,10 +63,12 @@ def tasks_of(experiment: Experiment, backend: str = "serial") -> list[Task]:
 
 def work(every: list[Task], folder: Path, backend: str = "serial") -> Work:
     """Which of the tasks the folder lacks, and how long those take; writes nothing."""
-    done, estimate = _so_far(folder)
+    done, measured = _so_far(folder)
     missing = [task for task in every if task.key not in done]
-    others = len(done - {task.key for task in every})
-    return Work(every, missing, estimate.total(missing, _workers(backend)), others)
+    schemes = (scheme for scheme, *_ in {task.shape for task in missing})
+    compiling = sum(_COMPILING_SPLINE if one == "spline" else _COMPILING for one in schemes)
+    solving = sum(_seconds(task, measured) for task in missing) / _workers(backend)
+    return Work(every, missing, solving + compiling, len(done - {task.key for task in every}))
 
 
 def run(
@@ -121,7 +92,7 @@ def run(
     if not missing:  # the folder need not even be writable
         return 0
     timing = any(task.kind == "timing" for task in missing)
-    lists = list(_so_far(folder)[1].batches(missing, _workers(backend)))
+    lists = list(_batches(missing, _so_far(folder)[1], _workers(backend)))
     if not timing:  # two runs on one folder seldom meet
         begin = random.randrange(len(lists))
         lists = lists[begin:] + lists[:begin]
@@ -170,8 +141,8 @@ def _workers(backend: str) -> int:
     return 1 if backend == "serial" else cores()
 
 
-def _so_far(folder: Path) -> tuple[set[str], Estimate]:
-    """Keys of what is done, and median seconds of a solve."""
+def _so_far(folder: Path) -> tuple[set[str], dict[tuple, float]]:
+    """Keys of what is done, and median seconds of a solve for each value of _MEASURED."""
     keys: set[str] = set()
     seconds: dict[tuple, list[float]] = {}
     with contextlib.suppress(ValueError):
@@ -183,8 +154,28 @@ def _so_far(folder: Path) -> tuple[set[str], Estimate]:
                     if (row["solve_s"] or 0.0) > 0:  # neither missing nor not a number
                         same = tuple(row[name] for name in _MEASURED)
                         seconds.setdefault(same, []).append(row["solve_s"])
-    medians = {same: sorted(each)[len(each) // 2] for same, each in seconds.items()}
-    return keys, Estimate(medians)
+    return keys, {same: sorted(each)[len(each) // 2] for same, each in seconds.items()}
+
+
+def _seconds(task: Task, measured: dict[tuple, float]) -> float:
+    """Seconds that a task takes, compiling apart."""
+    d = task.discretisation
+    solve = measured.get((task.kind, task.method, *(getattr(d, n) for n in _MEASURED[2:])))
+    if solve is None:
+        solve = _QUICK.get(task.method, _OTHERS) * ((d.slices or 64) / 64) ** 2
+        solve = min(solve, task.budget or solve)
+    runs = min(_RUNS, 1 + _RUNS * _SHORT / solve) if task.kind == "timing" else 1
+    runs *= 1 + len(task.stops) / 2
+    return solve * runs + _AROUND + _REFERENCE * bool(task.continuum) + _FIRST * task.first
+
+
+def _batches(todo: list[Task], measured: dict[tuple, float], workers: int) -> Iterator[list[Task]]:
+    """The tasks in lists of one shape: work for all, saved every few seconds."""
+    for _, group in itertools.groupby(todo, key=lambda task: task.shape):
+        same = list(group)
+        longest = max(_seconds(task, measured) for task in same)
+        size = max(1, min(int(_SAVE_EVERY / longest), MOST, math.ceil(len(same) / workers)))
+        yield from (same[begin : begin + size] for begin in range(0, len(same), size))
 
 
 def in_words(seconds: float) -> str:

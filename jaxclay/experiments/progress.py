@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import sys
 import threading
@@ -9,16 +10,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.text import Text
 
 from jaxclay.experiments.engine import Callback, in_words
@@ -61,9 +54,10 @@ def watched(
 
 @contextlib.contextmanager
 def _bar(console: Console, label: str, total: int, done: int) -> Iterator[Callable]:
-    text, left = TextColumn("{task.description:<34.34}"), TextColumn("left")
-    columns = text, BarColumn(12), MofNCompleteColumn(), _Rate(), left, TimeRemainingColumn()
-    with Progress(*columns, console=console, speed_estimate_period=_RATE_OVER) as bar:
+    text, left = bars.TextColumn("{task.description:<34.34}"), bars.TextColumn("left")
+    counts = bars.BarColumn(12), bars.MofNCompleteColumn(), _Rate()
+    columns = text, *counts, left, bars.TimeRemainingColumn()
+    with bars.Progress(*columns, console=console, speed_estimate_period=_RATE_OVER) as bar:
         number = bar.add_task(label, total=total, completed=done)
         yield lambda text, done: bar.update(number, completed=done, description=text)
 
@@ -72,7 +66,7 @@ def _bar(console: Console, label: str, total: int, done: int) -> Iterator[Callab
 def _lines(console: Console, label: str, total: int, first: int) -> Iterator[Callable]:
     """Plain lines on standard error, by a thread of their own: one solve may take long."""
     begin, ended = time.perf_counter(), threading.Event()
-    latest: list[Any] = [("begins", first)]
+    latest: Any = collections.deque([("begins", first)], maxlen=1)
 
     def tell(stream) -> None:
         while not ended.wait(EVERY):
@@ -93,10 +87,10 @@ def _lines(console: Console, label: str, total: int, first: int) -> Iterator[Cal
         thread.join()
 
 
-class _Rate(ProgressColumn):
+class _Rate(bars.ProgressColumn):
     """How many a second, or seconds for each."""
 
-    def render(self, task: Task) -> Text:
+    def render(self, task: bars.Task) -> Text:
         return Text(_rate(task.speed) if task.speed else "")
 
 

@@ -7,6 +7,7 @@ of the fig scenes are our choice.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -69,10 +70,7 @@ class Scene:
         return [pose(*stage, **how) for stage in self.stages(units, slices, **how)]
 
 
-def _cylinder(radius: float) -> Callable[[int], Clay]:
-    return lambda slices: Clay.cylinder(radius=radius, slices=slices)
-
-
+_WIDE, _NARROW = (functools.partial(Clay.cylinder, radius, 1.0) for radius in (0.5, 0.25))
 _FIG4 = Squash(0.0, 0.3, 0.4)
 _FIG6 = tuple(Squash(0.78 - 0.09 * j, 0.90 - 0.09 * j, 0.38) for j in range(8))
 _FIG7 = (
@@ -84,15 +82,15 @@ _FIG7 = (
 NAMED: dict[str, Scene] = {
     scene.name: scene
     for scene in (
-        Scene("reference", _cylinder(0.5), (Squash(0.0, 0.29296875, 0.4),)),
-        Scene("fig4a", _cylinder(0.5), (_FIG4,)),
-        Scene("fig4b", _cylinder(0.5), (_FIG4,), mu=0.1),
-        Scene("fig4c", _cylinder(0.5), (dataclasses.replace(_FIG4, top_fixed=True),), mu=0.1),
+        Scene("reference", _WIDE, (Squash(0.0, 0.29296875, 0.4),)),
+        Scene("fig4a", _WIDE, (_FIG4,)),
+        Scene("fig4b", _WIDE, (_FIG4,), mu=0.1),
+        Scene("fig4c", _WIDE, (dataclasses.replace(_FIG4, top_fixed=True),), mu=0.1),
         # The second stage of fig4a, which every comparison is: the same solve by its other name.
-        Scene("fig5", _cylinder(0.5), (_FIG4,)),
-        Scene("fig6", _cylinder(0.5), _FIG6),
+        Scene("fig5", _WIDE, (_FIG4,)),
+        Scene("fig6", _WIDE, _FIG6),
         # The printed constants make the vase slump below its last band.
-        Scene("fig7", _cylinder(0.25), _FIG7, units=("snake", "move"), fewest_slices=128),
+        Scene("fig7", _NARROW, _FIG7, units=("snake", "move"), fewest_slices=128),
     )
 }
 

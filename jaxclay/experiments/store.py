@@ -13,7 +13,6 @@ import os
 import shlex
 import time
 import warnings
-from collections.abc import Iterable
 from pathlib import Path
 
 import pyarrow as pa
@@ -45,10 +44,9 @@ class Store:
         Damaged files are set aside.
         """
         there = {path.name: path for path in self.folder.glob(_PATTERN)}
-        for name in there.keys() - self._known.keys():
-            self._known[name] = self._read(there[name])
-        for name in self._known.keys() - there.keys():  # somebody took it away
-            del self._known[name]
+        self._known = {
+            name: self._known.get(name) or self._read(path) for name, path in there.items()
+        }
         return {key: status for each in self._known.values() for key, status in each.items()}
 
     def append(self, rows: list[Row]) -> None:
@@ -103,15 +101,14 @@ def experiments(folder: Path) -> list[str]:
     return sorted(path.stem for path in (folder / _EXPERIMENTS).glob("*.toml"))
 
 
-def read_part(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
+def read_part(path: Path, columns: list[str] | None = None) -> pa.Table:
     """One file's rows, its checksums compared.
 
     Raises OSError, pyarrow.ArrowException: The file is damaged.
     """
-    wanted = None if columns is None else list(columns)
     # Opened once, so that a rename under way cannot come between.
     with path.open("rb") as file:
-        return pq.ParquetFile(file, page_checksum_verification=True).read(wanted)
+        return pq.ParquetFile(file, page_checksum_verification=True).read(columns)
 
 
 def parts(folder: Path) -> list[Path]:

@@ -64,13 +64,14 @@ def work_precision(error: str) -> Draw:
             ax.plot(ms, errors.middle, **look)
             ax.vlines(ms, errors.low, errors.high, color=look["color"], alpha=0.4, lw=1.5)
             if (np.diff(ms) > 0).all():  # else the band would fold
-                _band(ax, ms, errors, look)
+                shade(ax, ms, errors, look)
         log_axes(ax, xlabel=_TIME, ylabel=ERRORS[error])
 
     return draw
 
 
-def _band(ax: Axes, x: Any, errors: Any, look: dict[str, Any]) -> None:
+def shade(ax: Axes, x: Any, errors: Any, look: dict[str, Any]) -> None:
+    """The band from the column low to high, in the colour of a line."""
     ax.fill_between(x, errors.low, errors.high, color=look["color"], alpha=0.15, lw=0)
 
 
@@ -157,7 +158,7 @@ def scaling(ax: Axes, rows: pd.DataFrame) -> None:
     for series, part in groups(rows, "series"):
         ms, look = bands(part, ["slices"], "solve_s") * 1e3, style(str(series))
         ax.plot(ms.index, ms.middle, **look)
-        _band(ax, ms.index, ms, look)
+        shade(ax, ms.index, ms, look)
         if len(ms) > 1:
             power = exponent(part.slices, part.solve_s)
             ends.append((ms.index[-1], ms.middle.iloc[-1], power, look["color"]))

@@ -12,7 +12,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxclay.experiments.charts.panels import CONTOUR, HIGH, LOW, bands, exponent
+from jaxclay.experiments.charts.panels import CONTOUR, HIGH, LOW, bands, exponent, shade
 from jaxclay.experiments.charts.shared import (
     Chart,
     cells,
@@ -112,11 +112,10 @@ def _by_newton(ax: Axes, known: pd.DataFrame, x: str) -> None:
         shown: dict[str, Any] = {"markersize": 5, "linewidth": 1.5} | look
         ax.plot(line[x], line.error, label=label, **shown)
         if way[0] in ("paper", "placed"):
-            colour = look["color"]
-            ax.fill_between(line[x], line.low, line.high, alpha=0.15, linewidth=0, color=colour)
+            shade(ax, line[x], line, look)
             for point in records(line) if x == "ms" else ():
-                ax.annotate(f"{point.size_of:.0f}", (point.ms, point.error), (4, 4), color=colour,
-                            textcoords="offset points", fontsize=7.5)  # fmt: skip
+                ax.annotate(f"{point.size_of:.0f}", (point.ms, point.error), (4, 4), fontsize=7.5,
+                            color=look["color"], textcoords="offset points")  # fmt: skip
         if way[0] == "paper":
             _beyond(ax, line, x)
 

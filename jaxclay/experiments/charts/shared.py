@@ -61,10 +61,8 @@ def panelled(
 
 def legend(figure: Figure, **look: Any) -> None:
     """One legend below all panels, each name once."""
-    shown: dict[str, Any] = {}
-    for ax in figure.axes:
-        handles, labels = ax.get_legend_handles_labels()
-        shown |= dict(zip(labels, handles, strict=True))
+    each = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in figure.axes]
+    shown = {name: handle for pairs in each for handle, name in pairs}
     names = sorted(shown)  # whichever of them the first panel has
     look = {"loc": "outside lower center", "ncols": 4, "fontsize": "small"} | look
     figure.legend([shown[name] for name in names], names, **look)

@@ -15,7 +15,7 @@ from tomlkit.items import AoT, Table
 
 from jaxclay.experiments.entries.scenes import files_of
 from jaxclay.experiments.entries.tables import TABLES, Experiment
-from jaxclay.experiments.entries.values import MistakeAt, Place
+from jaxclay.experiments.entries.values import MistakeAt
 
 _PACKAGED = Path(__file__).parents[1] / "packaged"
 Raw = dict[str, Any]
@@ -102,45 +102,41 @@ def _explained(path: Path, text: str, error: ValidationError) -> Iterator[str]:
         cause = mistake.get("ctx", {}).get("error")
         place = mistake["loc"] + (cause.place if isinstance(cause, MistakeAt) else ())
         message = mistake["msg"].removeprefix("Value error, ")
+        names = [part for part in place if isinstance(part, str)]
         if mistake["type"] == "extra_forbidden":
-            message = f"unknown key: choose from {', '.join(_keys(place[:-1]))}"
+            table = TABLES[names[-2]] if len(names) > 1 else Experiment
+            message = f"unknown key: choose from {', '.join(table.model_fields)}"
         elif mistake["type"] == "missing":
             message = "is missing"
         elif mistake["type"] != "value_error":
             message = f"{message}, got {mistake['input']!r}"
-        keys = ".".join(part for part in place if isinstance(part, str))
-        yield f"{path}: line {_line_of(text, place)}: {keys}{': ' if keys else ''}{message}"
-
-
-def _keys(place: Place) -> list[str]:
-    """The keys of the table at a place."""
-    names = [part for part in place if isinstance(part, str)]
-    return list((TABLES[names[-1]] if names else Experiment).model_fields)
+        keys = f"{'.'.join(names)}: " if names else ""
+        yield f"{path}: line {_line_of(text, place)}: {keys}{message}"
 
 
 def _line_of(text: str, place: Iterable[Any]) -> int:
     """The line, from 1, of the deepest part of a place that has one; tomllib does not keep it."""
     document: Any = tomlkit.parse(text)
-    chain: list[Any] = [document]
-    names: list[Any] = []
+    parent: Any
+    key: Any
+    parent, key, item = None, None, document
     for part in place:
-        if isinstance(part, int) and not isinstance(chain[-1], list):
+        if isinstance(part, int) and not isinstance(item, list):
             continue  # a list of one may be written as its entry
-        if part not in (range(len(chain[-1])) if isinstance(part, int) else chain[-1]):
+        if part not in (range(len(item)) if isinstance(part, int) else item):
             break
-        names.append(part)
-        chain.append(chain[-1][part])
-    if not names:
+        parent, key, item = item, part, item[part]
+    if parent is None:
         return 1
-    while _has_no_line(chain[-1]):  # what stands first in it has one
-        names.append(0 if isinstance(chain[-1], AoT) else next(iter(chain[-1])))
-        chain.append(chain[-1][names[-1]])
+    while _has_no_line(item):  # what stands first in it has one
+        parent, key = item, 0 if isinstance(item, AoT) else next(iter(item))
+        item = parent[key]
     # A mark is put there, and its line counted: a comment to a header, else in place of the value.
     mark = uuid.uuid4().hex
-    if isinstance(chain[-1], Table):
-        chain[-1].comment(mark)
+    if isinstance(item, Table):
+        item.comment(mark)
     else:
-        chain[-2][names[-1]] = mark
+        parent[key] = mark
     return tomlkit.dumps(document).partition(mark)[0].count("\n") + 1
 
 

@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from jaxclay.experiments.contestants import check_contestant, takes_splines
+from jaxclay.experiments.contestants import checked_contestant, takes_splines
 from jaxclay.experiments.entries import scenes as pieces
 from jaxclay.experiments.entries.scenes import ScenesTable, Some, Table
 from jaxclay.experiments.entries.values import (
@@ -107,16 +107,10 @@ class MethodTable(Table):
     ended, for the chart of energy against time.
     """
 
-    name: str
+    name: Annotated[str, AfterValidator(checked_contestant)]
     schemes: Some[Scheme] | None = None
     settings: dict[str, numbers(0.0)] = Field(default={})  # type: ignore[valid-type]
     stops: whole_numbers(1, 1_000_000) | None = None  # type: ignore[valid-type]
-
-    @field_validator("name")
-    @classmethod
-    def _known(cls, name: str) -> str:
-        check_contestant(name)
-        return name
 
     @field_validator("settings")
     @classmethod
