@@ -157,8 +157,8 @@ def _print_whole(table: Table, wide: int) -> None:
     """Print a table whole: a terminal that is narrower than that breaks its lines."""
     console = plain_console()
     terminal = console.width if console.is_terminal else wide
-    needed = console.measure(table, options=console.options.update_width(wide)).maximum
-    console.width = max(terminal, needed)
+    console.width = wide  # which bounds what is measured
+    console.width = max(terminal, console.measure(table).maximum)
     console.print(table)
 
 
