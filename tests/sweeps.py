@@ -25,7 +25,7 @@ TEXT = GREEDY + '[[methods]]\nname = "greedy-refined"\n'
 COUNT = 24
 # Two tasks a file, so that there are many moments between two of them.
 COMMAND = (
-    "import sys; from jaxclay.experiments import estimate; estimate.MOST = 2;"
+    "import sys; from jaxclay.experiments import engine; engine.MOST = 2;"
     "from jaxclay.cli.main import entry; sys.argv[0] = 'jaxclay';"
     "entry() if __name__ == '__main__' else None"
 )

@@ -66,7 +66,7 @@ def run(
     """
     with checks.needing("sweep", "jaxclay.experiments.run"):
         from jaxclay.experiments import engine
-        from jaxclay.experiments.editing import of_file
+        from jaxclay.experiments.entries.reading import of_file
         from jaxclay.experiments.store import keep_experiment
 
     found = of_file(experiment, profiles)

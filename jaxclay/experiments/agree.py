@@ -12,19 +12,17 @@ import shlex
 from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
-from jaxclay.experiments.command import carry_out
-from jaxclay.experiments.editing import of_file
+from jaxclay.experiments.command import carry_out, words
 from jaxclay.experiments.engine import tasks_of
-from jaxclay.experiments.entries.reading import raw_experiment
+from jaxclay.experiments.entries.reading import of_file, raw_experiment
 from jaxclay.experiments.entries.tables import AgreeTable, Experiment
 from jaxclay.experiments.entries.tasks import Task
-from jaxclay.experiments.frames import groups, records, select
-from jaxclay.experiments.progress import Interrupt, plain_console
-from jaxclay.experiments.results import table
+from jaxclay.experiments.progress import Interrupt, say
+from jaxclay.experiments.results import groups, records, select, table
 
 METHOD = "greedy-refined"
 _SCHEMES = {
@@ -36,8 +34,7 @@ _OWN_RULE = ("stalled", "converged")  # it stopped because no move gained, not a
 _NO_PAIR = "no pair was compared: that is no agreement"
 
 
-@dataclasses.dataclass(frozen=True)
-class Agreement:
+class Agreement(NamedTuple):
     """What a comparison found."""
 
     compared: pd.DataFrame  # rows that stopped by greedy's rule beside a certified minimum
@@ -59,16 +56,16 @@ def agree(options: Namespace, interrupt: Interrupt) -> int:
     for.
     """
     experiment, only, profiles = options.experiment, options.only, options.profiles
-    command = ["jaxclay", "agree", experiment]
+    command = words(options, options.out, ("profiles", "strict"))
     if Path(experiment).is_dir():
         if options.out or profiles:
             raise ValueError(f"{experiment} is a folder of results: leave --out and --profiles out")
-        rows, limits = table(experiment), _limits(Path(experiment))
+        kept = list((Path(experiment) / "experiments").glob("*.toml"))
+        rows = table(experiment)
+        # Those of the experiment that the folder is of, if it is of one.
+        limits = AgreeTable(**raw_experiment(kept[0]).get("agree", {}) if len(kept) == 1 else {})
     else:
         folder = options.out or Path("out") / Path(experiment).stem
-        command += ["--out", str(folder)] if options.out else []
-        command += ["--profiles", str(profiles)] if profiles else []
-        command += ["--strict"] if options.strict else []
         edited = of_file(experiment, profiles)
         limits = edited.experiment.agree
         every = [task for task in _tasks(edited.experiment) if only in (None, task.key)]
@@ -85,15 +82,9 @@ def agree(options: Namespace, interrupt: Interrupt) -> int:
     holds = True
     for way, mine in groups(rows, ["scheme", "spacing"]):
         found = agreement(mine, limits)
-        _say(f"{_SCHEMES[way]}:", *_said(found, limits, command))
+        say(f"{_SCHEMES[way]}:", *_said(found, limits, command))
         holds &= found.holds
     return 0 if holds else 1
-
-
-def _limits(folder: Path) -> AgreeTable:
-    """Those of the experiment that the folder is of, if it is of one."""
-    kept = list((folder / "experiments").glob("*.toml"))
-    return AgreeTable(**raw_experiment(kept[0]).get("agree", {}) if len(kept) == 1 else {})
 
 
 def _tasks(whole: Experiment) -> list[Task]:
@@ -110,7 +101,7 @@ def _tasks(whole: Experiment) -> list[Task]:
 def _nothing(only: str | None, experiment: str) -> int:
     if only is not None:
         raise ValueError(f"no task in snake units with the key {only!r} in {experiment}")
-    _say(_NO_PAIR)
+    say(_NO_PAIR)
     return 1
 
 
@@ -149,9 +140,3 @@ def _said(found: Agreement, limits: AgreeTable, command: list[str]) -> Iterator[
             f"{row.contour_error:.1e}; again with\n  {shlex.join([*command, '--only', row.key])}"
         )
     yield "all agree" if found.holds else f"{len(found.offenders)} disagree"
-
-
-def _say(*lines: str) -> None:
-    console = plain_console(soft_wrap=True, highlight=False)
-    for line in lines:
-        console.print(line)

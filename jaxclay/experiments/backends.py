@@ -9,17 +9,15 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import signal
 import uuid
 from collections.abc import Generator, Iterator
 from typing import Any
 
-from jaxclay.experiments.entries.tasks import Task, identity
-from jaxclay.experiments.machine import environment, one_thread
-from jaxclay.experiments.solving.rows import Row
-from jaxclay.experiments.solving.solve import solve
-from jaxclay.experiments.solving.where import cores, xla_threads
+from jaxclay.experiments.entries.tasks import Task
+from jaxclay.experiments.machine import cores, environment, identity, one_thread, xla_threads
+from jaxclay.experiments.solving.solve import Row, solve
 from jaxclay.numerics.checks import Hindrance, needing
-from jaxclay.numerics.host import let_go
 
 BACKENDS = ("serial", "processes", "dask")
 ANSWERS_WITHIN = 20.0  # seconds, a scheduler
@@ -78,9 +76,17 @@ def local_cluster() -> Iterator[Any]:
     # Set before workers start: the variables are read when they import JAX.
     with environment(one_thread() | _quiet_after_ctrl_c()), local(
         n_workers=cores(), threads_per_worker=1, memory_limit="auto", dashboard_address=":0",
-        silence_logs=50, preload=["jaxclay.experiments.dask_worker"],
+        silence_logs=50, preload=[__name__],
     ) as cluster:  # fmt: skip
         yield cluster
+
+
+def dask_setup(worker: Any) -> None:
+    """What dask calls in each of them: it takes a core, and leaves Ctrl-C to its master."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "sched_setaffinity") and isinstance(worker.name, int):
+        mine = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {mine[worker.name % len(mine)]})
 
 
 def _quiet_after_ctrl_c() -> dict[str, str]:
@@ -100,6 +106,4 @@ def solve_in_worker(batch: list[Task], wanted: dict[str, str]) -> list[Row]:
             f"a worker has {here} and {xla_threads()} threads, but {wanted} and "
             f"{', '.join(map(str, threads))} are wanted: start workers with that, threads by NPROC"
         )
-    found = solve(batch)
-    let_go()
-    return found
+    return solve(batch)

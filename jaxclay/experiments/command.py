@@ -10,29 +10,26 @@ import shlex
 import sys
 import time
 from argparse import Namespace
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from jaxclay.numerics.checks import needing
 
 with needing("sweep", "an experiment"):
     import jinja2  # noqa: F401
     import pyarrow  # noqa: F401
+    from rich.table import Table
 
     from jaxclay.experiments import editing, engine
-    from jaxclay.experiments.progress import INTERRUPTED, Interrupt, plain_console, watched
-    from jaxclay.experiments.store import keep_experiment
+    from jaxclay.experiments.progress import INTERRUPTED, Interrupt, plain_console, say, watched
+    from jaxclay.experiments.store import Store, keep_experiment
 
-from jaxclay.experiments.editing import Edited
 from jaxclay.experiments.engine import Work, in_words
+from jaxclay.experiments.entries.reading import Edited, of_file
 from jaxclay.experiments.entries.tables import Experiment
 from jaxclay.experiments.entries.tasks import Task
 from jaxclay.files.output import check_folder
 from jaxclay.files.profiles import PROFILES, read_profile
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
 
 _MISSING = 1
 _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summary and the rows
@@ -40,18 +37,14 @@ _WIDE, _ENDLESS = 150, 1000  # columns where there is no terminal, of the summar
 
 def sweep(options: Namespace, interrupt: Interrupt) -> int:
     """Run an experiment file, or what is missing of it: :func:`jaxclay.experiments.run`."""
-    edited = editing.of_file(options.experiment, options.profiles)
+    edited = of_file(options.experiment, options.profiles)
     folder = options.out or Path("out") / Path(options.experiment).stem
-    again = ["jaxclay", "sweep", options.experiment, "--out", str(folder)]
-    again += ["--backend", options.backend] if options.backend != "serial" else []
-    again += ["--scheduler", options.scheduler] if options.scheduler else []
-    again += ["--profiles", str(options.profiles)] if options.profiles else []
-    again += ["--strict"] if options.strict else []
+    again = words(options, folder, ("backend", "scheduler", "profiles", "strict"))
     engine.check_backend(edited.experiment, options.backend, options.scheduler)
     every = engine.tasks_of(edited.experiment, options.backend)
     if options.dry_run:
         _tell_profiles(edited.experiment)
-        _say(_described(edited, engine.work(every, folder, options.backend), folder))
+        say(_described(edited, engine.work(every, folder, options.backend), folder))
         return 0
     begin = time.perf_counter()
     how = {"backend": options.backend, "scheduler": options.scheduler, "quiet": options.quiet}
@@ -59,8 +52,19 @@ def sweep(options: Namespace, interrupt: Interrupt) -> int:
     if code == 0:
         drawn = shlex.join(["jaxclay", "report", str(folder)])
         took = in_words(time.perf_counter() - begin)
-        _say(f"all {len(every)} tasks are in {folder} ({took}); {drawn}")
+        say(f"all {len(every)} tasks are in {folder} ({took}); {drawn}")
     return code
+
+
+def words(options: Namespace, folder: Path | None, names: Iterable[str]) -> list[str]:
+    """The command that goes on: with the options of those names that are not the defaults."""
+    found = ["jaxclay", options.command, options.experiment]
+    found += ["--out", str(folder)] if folder else []
+    for name in names:
+        value = getattr(options, name)
+        if value not in (None, False, "serial"):
+            found += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    return found
 
 
 def compare(options: Namespace, interrupt: Interrupt) -> int:
@@ -85,19 +89,17 @@ def shown(edited: Edited, folder: Path, options: Namespace, interrupt: Interrupt
     if code:
         return code
     from jaxclay.experiments import report, summary
-    from jaxclay.experiments.frames import records
+    from jaxclay.experiments.results import records
 
     rows = report.shown(folder, {task.key for task in every})
     report.write(folder, rows=rows)
-    console = plain_console(highlight=False)
     if options.rows:
         every_row = summary.printed("every row", map(summary.cells, records(rows)))
-        _print_whole(console, every_row, _ENDLESS)
-    _print_whole(console, summary.printed(f"jaxclay {edited.name}", summary.summary(rows)), _WIDE)
-    for reason, count in summary.refusals(rows).items():
-        console.print(f"refused {count} times: {reason}", soft_wrap=True)
+        _print_whole(every_row, _ENDLESS)
+    _print_whole(summary.printed(f"jaxclay {edited.name}", summary.summary(rows)), _WIDE)
+    say(*(f"refused {n} times: {reason}" for reason, n in summary.refusals(rows).items()))
     more = f"rows: --rows, or {folder / 'results.parquet'}"
-    console.print(f"report: {folder / 'report.html'}; {more}", soft_wrap=True)
+    say(f"report: {folder / 'report.html'}; {more}")
     return 0
 
 
@@ -117,10 +119,10 @@ def carry_out(
         raise ValueError(f"--out {folder} is a file: name a folder")
     if not quiet:
         _tell_profiles(edited.experiment)
-    engine.set_damage_aside(folder)
+    Store(folder).statuses()  # sets aside what is damaged, so that its tasks count as missing
     work = engine.work(every, folder, backend)
     with contextlib.suppress(OSError):  # told again at the end
-        _say(_described(edited, work, folder))
+        say(_described(edited, work, folder))
     if not work.missing:
         return 0
     check_folder(folder)
@@ -131,39 +133,33 @@ def carry_out(
             lost = engine.run(every, folder, backend, scheduler, callback)
     except KeyboardInterrupt:
         # First what has to be known: who is in a hurry interrupts again.
-        _say(f"interrupted: what had ended is kept; go on with\n  {again}")
+        say(f"interrupted: what had ended is kept; go on with\n  {again}")
         left = len(engine.work(every, folder, backend).missing)
-        _say(f"{total - left} of {total} tasks are in {folder}")
+        say(f"{total - left} of {total} tasks are in {folder}")
         return INTERRUPTED
     except OSError as error:
         raise OSError(f"{error}: what had been solved is kept in {folder}; then {again}") from error
     if lost:
-        _say(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
+        say(f"{lost} of {total} tasks have no result in {folder} any more: {again}")
     return _MISSING if lost else 0
 
 
 def _tell_profiles(experiment: Experiment) -> None:
     """What was taken for what in the files of profiles, on standard error."""
-    parts = (experiment, *(experiment.parts or ()))
-    tables = [table for part in parts for table in part.scenes or ()]
+    tables = experiment.scene_tables
     read = {(name, table.minimum_radius) for table in tables for name in table.profiles or ()}
     for name, least in sorted(read, key=str):
         if name not in PROFILES:
             print(f"{name}: {read_profile(name, least).said}", file=sys.stderr)
 
 
-def _print_whole(console: Console, table: Table, wide: int) -> None:
+def _print_whole(table: Table, wide: int) -> None:
     """Print a table whole: a terminal that is narrower than that breaks its lines."""
+    console = plain_console()
     terminal = console.width if console.is_terminal else wide
-    console.width = wide
+    console.width = wide  # which bounds what is measured
     console.width = max(terminal, console.measure(table).maximum)
     console.print(table)
-    console.width = terminal
-
-
-def _say(text: str) -> None:
-    plain_console(soft_wrap=True, highlight=False).print(text)
-    sys.stdout.flush()
 
 
 def _described(edited: Edited, work: Work, folder: Path) -> str:

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from jaxclay.experiments.entries.profiles import files_of
-from jaxclay.experiments.entries.reading import (
-    Raw,
-    as_toml,
-    checked,
-    experiment_path,
-    experiment_text,
-    raw_experiment,
-    read_experiment,
-)
-from jaxclay.experiments.entries.tables import Experiment
+import tomlkit
+
+from jaxclay.experiments.entries.reading import Edited, Raw, checked, raw_experiment
+from jaxclay.experiments.entries.scenes import files_of
 from jaxclay.experiments.peers import PEERS
 from jaxclay.experiments.peers import checked as checked_peer
 from jaxclay.experiments.scenes import NAMED, packaged_scenes
@@ -24,20 +17,6 @@ from jaxclay.numerics.checks import check_positive
 
 _MOST_SLICES = 1024  # dense methods
 _UNITS = ["snake", "printed"]
-
-
-class Edited(NamedTuple):
-    """An experiment, its name, and the text of a file that says the same."""
-
-    name: str
-    experiment: Experiment
-    text: str
-
-
-def of_file(path: str | Path, profiles: str | Path | None = None) -> Edited:
-    """An experiment file as it is; raises as :func:`.entries.reading.read_experiment`."""
-    found, path = read_experiment(path, profiles), experiment_path(path)
-    return Edited(path.stem, found, experiment_text(path))
 
 
 def comparison(
@@ -71,8 +50,12 @@ def comparison(
         for part in featured:
             if not isinstance(part["discretisations"][0]["slices"], list):
                 part["discretisations"] = [{"scheme": "paper", "slices": min(slices)}]
-    known = _tables(first["scenes"][0]["names"] if scenes is None else [*packaged_scenes()])
-    known |= {} if profiles is None else _of_folder(profiles, minimum_radius)
+    packaged = packaged_scenes()
+    known: dict[str, Raw] = {
+        one: {"names": [one], "units": [units for units in _UNITS if units in packaged[one].units]}
+        for one in (first["scenes"][0]["names"] if scenes is None else packaged)
+    }
+    known |= _of_folder(profiles, minimum_radius) if profiles else {}
     for one in scenes or ():
         if one not in known:
             raise ValueError(f"unknown scene {one!r}: choose from {', '.join(known)}")
@@ -90,7 +73,7 @@ def comparison(
         for table in part["scenes"]:
             if outside and set(table.get("names", ())) & set(NAMED):
                 table["units"] = [*table["units"], "move"]
-    return _edited(name, raw)
+    return edited(name, raw)
 
 
 def atlas(
@@ -104,25 +87,16 @@ def atlas(
     if seconds is not None:
         check_positive("seconds", seconds)
         raw["budget"] = seconds
-    return _edited(name, raw)
+    return edited(name, raw)
 
 
-def accuracy(scenes: int | None = None, seed: int = 0, quick: bool = False) -> Edited:
-    """Speed against accuracy on about so many random scenes.
-
-    Raises ValueError: Fewer than one scene.
-    """
-    name, raw = _packaged("accuracy", quick)
-    raw["seed"] = seed
-    if scenes is not None:
-        check_positive("scenes", scenes)
-        whole = sum(table["draws"] for table in raw["scenes"])
-        for table in raw["scenes"]:
-            table["draws"] = max(1, round(scenes * table["draws"] / whole))
-    return _edited(name, raw)
+def edited(name: str, raw: Raw) -> Edited:
+    """The experiment of edited tables; raises as :func:`.entries.reading.read_experiment`."""
+    text = tomlkit.dumps(raw)
+    return Edited(name, checked(raw, Path(name), text), text)
 
 
-def _packaged(name: str, quick: bool, methods: list[str] | None = None) -> tuple[str, Raw]:
+def _packaged(name: str, quick: bool, methods: list[str] | None) -> tuple[str, Raw]:
     """Name and tables of a packaged experiment or its quick part, of the methods named."""
     name = f"{name}-quick" if quick else name
     raw = raw_experiment(name)
@@ -132,20 +106,6 @@ def _packaged(name: str, quick: bool, methods: list[str] | None = None) -> tuple
     if methods is not None:
         raw["methods"] = [{"name": method} for method in dict.fromkeys(methods)]
     return name, raw
-
-
-def _edited(name: str, raw: Raw) -> Edited:
-    text = as_toml(raw)
-    return Edited(name, checked(raw, Path(name), text), text)
-
-
-def _tables(names: list[str]) -> dict[str, Raw]:
-    """A table of scenes for each packaged one, in the units that it knows."""
-    known = packaged_scenes()
-    return {
-        name: {"names": [name], "units": [u for u in _UNITS if u in known[name].units]}
-        for name in names
-    }
 
 
 def _of_folder(folder: Path, minimum_radius: float | None) -> dict[str, Raw]:

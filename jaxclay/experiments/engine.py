@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import math
 import random
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -14,14 +16,22 @@ from threadpoolctl import threadpool_limits
 from jaxclay.experiments import backends
 from jaxclay.experiments.entries.tables import Experiment
 from jaxclay.experiments.entries.tasks import Task, tasks
-from jaxclay.experiments.estimate import MEASURED, Estimate
-from jaxclay.experiments.machine import alone, pinned, pool_threads
-from jaxclay.experiments.solving.budget import OUT_OF_TIME
-from jaxclay.experiments.solving.rows import Row, inputs, skipped
-from jaxclay.experiments.solving.where import cores, where
+from jaxclay.experiments.machine import alone, cores, pinned, pool_threads, where
+from jaxclay.experiments.solving.clock import OUT_OF_TIME
+from jaxclay.experiments.solving.solve import Row, inputs, skipped
 from jaxclay.experiments.store import Store, parts, read_part
 
 Callback = Callable[[list[Row], int], None]
+MOST = 256  # tasks in a batch
+_SAVE_EVERY = 10.0  # seconds of work that a kill may cost
+# What the time of a solve goes by: measured where the folder has results, else about this.
+_MEASURED = ("kind", "method", "scheme", "slices", "elements", "tolerance")
+_QUICK = {"newton": 1e-3, "greedy": 5e-3, "lbfgs-preconditioned": 1e-2}  # at 64 slices
+_OTHERS = 5e-2  # seconds of another method there, growing with the slices squared
+_AROUND = 5e-3  # posing, the reference and the certificate
+_REFERENCE, _FIRST = 0.3, 3.0  # the continuum's minimum and distances to it; a first answer
+_COMPILING, _COMPILING_SPLINE = 5.0, 15.0  # for each shape
+_RUNS, _SHORT = 10, 0.1  # of a timed task, about, and of one that takes so many seconds two
 
 
 class Work(NamedTuple):
@@ -53,10 +63,12 @@ def tasks_of(experiment: Experiment, backend: str = "serial") -> list[Task]:
 
 def work(every: list[Task], folder: Path, backend: str = "serial") -> Work:
     """Which of the tasks the folder lacks, and how long those take; writes nothing."""
-    done, estimate = _so_far(folder)
+    done, measured = _so_far(folder)
     missing = [task for task in every if task.key not in done]
-    others = len(done - {task.key for task in every})
-    return Work(every, missing, estimate.total(missing, _workers(backend)), others)
+    schemes = (scheme for scheme, *_ in {task.shape for task in missing})
+    compiling = sum(_COMPILING_SPLINE if one == "spline" else _COMPILING for one in schemes)
+    solving = sum(_seconds(task, measured) for task in missing) / _workers(backend)
+    return Work(every, missing, solving + compiling, len(done - {task.key for task in every}))
 
 
 def run(
@@ -80,7 +92,7 @@ def run(
     if not missing:  # the folder need not even be writable
         return 0
     timing = any(task.kind == "timing" for task in missing)
-    lists = list(_so_far(folder)[1].batches(missing, _workers(backend)))
+    lists = list(_batches(missing, _so_far(folder)[1], _workers(backend)))
     if not timing:  # two runs on one folder seldom meet
         begin = random.randrange(len(lists))
         lists = lists[begin:] + lists[:begin]
@@ -103,11 +115,6 @@ def run(
     return len(wanted - store.statuses().keys())
 
 
-def set_damage_aside(folder: Path) -> None:
-    """Warn of damaged files and rename them, so that their tasks count as missing."""
-    Store(folder).statuses()
-
-
 def _still_missing(
     store: Store, lists: Iterable[list[Task]], told: Callable[[list[Row]], None]
 ) -> Iterator[list[Task]]:
@@ -120,8 +127,7 @@ def _still_missing(
         done = store.statuses()
         late |= {key for key, status in done.items() if status == OUT_OF_TIME}
         left = [task for task in batch if task.key not in done]
-        untried = [task for task in left if task.after in late]
-        if untried:
+        if untried := [task for task in left if task.after in late]:
             late |= {task.key for task in untried}
             reason = skipped("out of time on fewer slices")
             store.append([inputs(task) | reason | where() for task in untried])
@@ -135,21 +141,41 @@ def _workers(backend: str) -> int:
     return 1 if backend == "serial" else cores()
 
 
-def _so_far(folder: Path) -> tuple[set[str], Estimate]:
-    """Keys of what is done, and median seconds of a solve."""
+def _so_far(folder: Path) -> tuple[set[str], dict[tuple, float]]:
+    """Keys of what is done, and median seconds of a solve for each value of _MEASURED."""
     keys: set[str] = set()
     seconds: dict[tuple, list[float]] = {}
     with contextlib.suppress(ValueError):
         for path in parts(folder):
             # What is damaged is found, and said, when the run begins.
             with contextlib.suppress(OSError, pa.ArrowException):
-                for row in read_part(path, ["key", *MEASURED, "solve_s"]).to_pylist():
+                for row in read_part(path, ["key", *_MEASURED, "solve_s"]).to_pylist():
                     keys.add(row["key"])
-                    if row["solve_s"] is not None and row["solve_s"] == row["solve_s"]:
-                        same = tuple(row[name] for name in MEASURED)
+                    if (row["solve_s"] or 0.0) > 0:  # neither missing nor not a number
+                        same = tuple(row[name] for name in _MEASURED)
                         seconds.setdefault(same, []).append(row["solve_s"])
-    medians = {same: sorted(each)[len(each) // 2] for same, each in seconds.items()}
-    return keys, Estimate(medians)
+    return keys, {same: sorted(each)[len(each) // 2] for same, each in seconds.items()}
+
+
+def _seconds(task: Task, measured: dict[tuple, float]) -> float:
+    """Seconds that a task takes, compiling apart."""
+    d = task.discretisation
+    solve = measured.get((task.kind, task.method, *(getattr(d, n) for n in _MEASURED[2:])))
+    if solve is None:
+        solve = _QUICK.get(task.method, _OTHERS) * ((d.slices or 64) / 64) ** 2
+        solve = min(solve, task.budget or solve)
+    runs = min(_RUNS, 1 + _RUNS * _SHORT / solve) if task.kind == "timing" else 1
+    runs *= 1 + len(task.stops) / 2
+    return solve * runs + _AROUND + _REFERENCE * bool(task.continuum) + _FIRST * task.first
+
+
+def _batches(todo: list[Task], measured: dict[tuple, float], workers: int) -> Iterator[list[Task]]:
+    """The tasks in lists of one shape: work for all, saved every few seconds."""
+    for _, group in itertools.groupby(todo, key=lambda task: task.shape):
+        same = list(group)
+        longest = max(_seconds(task, measured) for task in same)
+        size = max(1, min(int(_SAVE_EVERY / longest), MOST, math.ceil(len(same) / workers)))
+        yield from (same[begin : begin + size] for begin in range(0, len(same), size))
 
 
 def in_words(seconds: float) -> str:

@@ -16,12 +16,10 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from jaxclay.experiments import summary
-from jaxclay.experiments.charts.marks import Mark
-from jaxclay.experiments.charts.series import DERIVED, prepared
+from jaxclay.experiments.charts.shared import DERIVED, Mark, prepared
 from jaxclay.experiments.charts.standard import all_charts
-from jaxclay.experiments.frames import groups, records, select
 from jaxclay.experiments.peers import PEERS
-from jaxclay.experiments.results import curves, table
+from jaxclay.experiments.results import curves, groups, records, select, table
 from jaxclay.experiments.store import experiments
 from jaxclay.files.output import check_folder
 from jaxclay.files.replacing import replacing
@@ -61,14 +59,20 @@ def write(folder: Path, out: Path | None = None, rows: pd.DataFrame | None = Non
     pictures.mkdir(parents=True, exist_ok=True)
     for old in pictures.glob("*.png"):
         old.unlink()
-    sections = [
-        {
+    sections = []
+    for kind, heading, prefix, part in _sections(rows):
+        measured = groups(select(part, part.energy_minimum.notna()), "reference")
+        others = groups(select(part, part.status != "converged"), ["family", "status"])
+        sections.append({
             "heading": heading, "about": _KINDS[kind], "summary": summary.summary(part),
-            "references": _references(part), "failures": _failures(part),
+            "references": "; ".join(
+                f"{who} for {', '.join(those.method.unique())}" for who, those in measured
+            ),
+            # How tasks ended that were not certified, how many, and an example of each.
+            "failures": [(*ended, len(those), those.task.iloc[0], those.reason.iloc[0] or "")
+                         for ended, those in others],
             "charts": list(_drawn(all_charts(kind, part, shapes), pictures / prefix)),
-        }
-        for kind, heading, prefix, part in _sections(rows)
-    ]  # fmt: skip
+        })  # fmt: skip
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
@@ -119,20 +123,6 @@ def _drawn(charts, prefix: Path) -> Iterator[dict[str, str]]:
         figure.savefig(text, format="svg")
         plt.close(figure)
         yield {"svg": text.getvalue().partition("<svg")[2], "caption": caption}
-
-
-def _references(rows: pd.DataFrame) -> str:
-    parts = groups(select(rows, rows.energy_minimum.notna()), "reference")
-    return "; ".join(f"{who} for {', '.join(part.method.unique())}" for who, part in parts)
-
-
-def _failures(rows: pd.DataFrame) -> list[tuple[Any, ...]]:
-    """How tasks ended that were not certified, how many, and an example of each."""
-    others = select(rows, rows.status != "converged")
-    return [
-        (family, status, len(part), part.task.iloc[0], part.reason.iloc[0] or "")
-        for (family, status), part in groups(others, ["family", "status"])
-    ]
 
 
 def _ran(rows: pd.DataFrame) -> Iterator[dict[str, str]]:

@@ -1,10 +1,12 @@
-"""Results of a folder as tables: pandas for numbers, xarray for curves."""
+"""Results of a folder as tables: pandas for numbers, xarray for curves; and what reads them."""
 
 from __future__ import annotations
 
+import itertools
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -34,15 +36,13 @@ def table(folder: str | Path) -> pd.DataFrame:
 def curves(folder: str | Path) -> xr.Dataset:
     """The contours and traces of those tasks: :func:`jaxclay.experiments.load_curves`."""
     whole = _read(Path(folder), [*_LABELS, *CURVES])
-    variables: dict[str, Any] = {
-        name: (("task", _ALONG[name.partition("_")[0]]), _padded(whole[name]),
-               {"description": text})
-        for name, (_, text) in CURVES.items()
-    }  # fmt: skip
-    labels = {
-        name: ("task", whole[name].to_numpy(), {"description": COLUMNS[name][1]})
-        for name in _LABELS
-    }
+    variables: dict[str, Any] = {}
+    for name, (_, text) in CURVES.items():  # rows of different lengths, filled up with NaN
+        rows = [() if row is None else row for row in whole[name]]
+        columns = np.array([*itertools.zip_longest(*rows, fillvalue=np.nan)], float)
+        along = "task", _ALONG[name.partition("_")[0]]
+        variables[name] = along, columns.reshape(-1, len(rows)).T, {"description": text}
+    labels = {n: ("task", whole[n].to_numpy(), {"description": COLUMNS[n][1]}) for n in _LABELS}
     return xr.Dataset(variables, coords=labels)
 
 
@@ -66,10 +66,21 @@ def _read(folder: Path, columns) -> pd.DataFrame:
     return whole.drop_duplicates(subset="key")
 
 
-def _padded(rows: Any) -> np.ndarray:
-    """Rows of different lengths as one array, filled up with NaN."""
-    known = [() if row is None else row for row in rows]
-    whole = np.full((len(known), max(map(len, known), default=0)), np.nan)
-    for line, row in zip(whole, known, strict=True):
-        line[: len(row)] = row
-    return whole
+def select(table: pd.DataFrame, mask: Any) -> pd.DataFrame:
+    """The rows where ``mask`` holds; typed for pyright, as the next two."""
+    return cast(pd.DataFrame, table[mask])
+
+
+def groups(table: pd.DataFrame, by: str | list[str]) -> Iterable[Any]:
+    """The value, or values, of the columns ``by`` and the rows that have it, in order."""
+    return table.groupby(by, sort=True, dropna=False)
+
+
+def records(table: pd.DataFrame) -> Iterable[Any]:
+    """The rows, one by one, columns as attributes."""
+    return table.itertuples()
+
+
+def number(value: Any, spec: str, otherwise: str = "") -> str:
+    """The value formatted, or what stands for a missing one."""
+    return otherwise if pd.isna(value) else format(value, spec)

@@ -7,8 +7,9 @@ of the fig scenes are our choice.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,20 @@ class Scene:
         """alpha and beta as printed (eq. 21) or in snake units of 64 slices, or 0."""
         if units == "move":
             return Material(self.k, self.mu, 0.0, 0.0)
-        if units == "printed":
-            return Material(self.k, self.mu, self.alpha, self.beta)
         constants = self.k, self.mu, self.alpha, self.beta
+        if units == "printed":
+            return Material(*constants)
         return Material.from_snake_units(*constants, slices=SNAKE_SLICES)
+
+    def stages(
+        self, units: str, slices: int, **how: Any
+    ) -> Iterator[tuple[Clay, Squash, Material]]:
+        """Each squash with the clay that those before it left, solved ``how`` deform is told."""
+        clay, material = self.clay(slices), self.material(units)
+        yield clay, self.squashes[0], material
+        for before, squash in itertools.pairwise(self.squashes):
+            clay = deform(clay, before, material, **how).raise_for_status().clay
+            yield clay, squash, material
 
     def problems(self, units: str, slices: int, scheme: str = "paper") -> list[Problem]:
         """Each squash posed on what the certified minima before it left.
@@ -55,20 +66,11 @@ class Scene:
         On the paper's scheme, or on "slices" that are equal on each side of the band, where
         greedy is not held up by the thinnest of them.
         """
-        clay, material = self.clay(slices), self.material(units)
-        how: dict[str, Any] = {"spacing": "equal"} if scheme == "slices" else {}
-        how["scheme"] = scheme
-        problems = [pose(clay, self.squashes[0], material, **how)]
-        for before, squash in itertools.pairwise(self.squashes):
-            clay = deform(clay, before, material, **how).raise_for_status().clay
-            problems.append(pose(clay, squash, material, **how))
-        return problems
+        how: Any = {"scheme": scheme} | ({"spacing": "equal"} if scheme == "slices" else {})
+        return [pose(*stage, **how) for stage in self.stages(units, slices, **how)]
 
 
-def _cylinder(radius: float) -> Callable[[int], Clay]:
-    return lambda slices: Clay.cylinder(radius=radius, slices=slices)
-
-
+_WIDE, _NARROW = (functools.partial(Clay.cylinder, radius, 1.0) for radius in (0.5, 0.25))
 _FIG4 = Squash(0.0, 0.3, 0.4)
 _FIG6 = tuple(Squash(0.78 - 0.09 * j, 0.90 - 0.09 * j, 0.38) for j in range(8))
 _FIG7 = (
@@ -80,15 +82,15 @@ _FIG7 = (
 NAMED: dict[str, Scene] = {
     scene.name: scene
     for scene in (
-        Scene("reference", _cylinder(0.5), (Squash(0.0, 0.29296875, 0.4),)),
-        Scene("fig4a", _cylinder(0.5), (_FIG4,)),
-        Scene("fig4b", _cylinder(0.5), (_FIG4,), mu=0.1),
-        Scene("fig4c", _cylinder(0.5), (dataclasses.replace(_FIG4, top_fixed=True),), mu=0.1),
+        Scene("reference", _WIDE, (Squash(0.0, 0.29296875, 0.4),)),
+        Scene("fig4a", _WIDE, (_FIG4,)),
+        Scene("fig4b", _WIDE, (_FIG4,), mu=0.1),
+        Scene("fig4c", _WIDE, (dataclasses.replace(_FIG4, top_fixed=True),), mu=0.1),
         # The second stage of fig4a, which every comparison is: the same solve by its other name.
-        Scene("fig5", _cylinder(0.5), (_FIG4,)),
-        Scene("fig6", _cylinder(0.5), _FIG6),
+        Scene("fig5", _WIDE, (_FIG4,)),
+        Scene("fig6", _WIDE, _FIG6),
         # The printed constants make the vase slump below its last band.
-        Scene("fig7", _cylinder(0.25), _FIG7, units=("snake", "move"), fewest_slices=128),
+        Scene("fig7", _NARROW, _FIG7, units=("snake", "move"), fewest_slices=128),
     )
 }
 

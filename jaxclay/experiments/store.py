@@ -13,14 +13,13 @@ import os
 import shlex
 import time
 import warnings
-from collections.abc import Iterable
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from jaxclay.experiments.columns import SCHEMA
-from jaxclay.experiments.solving.rows import Row
+from jaxclay.experiments.solving.solve import Row
 from jaxclay.files.replacing import replacing
 
 _FOLDER, _EXPERIMENTS = "results", "experiments"
@@ -45,19 +44,18 @@ class Store:
         Damaged files are set aside.
         """
         there = {path.name: path for path in self.folder.glob(_PATTERN)}
-        for name in there.keys() - self._known.keys():
-            self._known[name] = self._read(there[name])
-        for name in self._known.keys() - there.keys():  # somebody took it away
-            del self._known[name]
+        self._known = {
+            name: self._known.get(name) or self._read(path) for name, path in there.items()
+        }
         return {key: status for each in self._known.values() for key, status in each.items()}
 
-    def append(self, rows: list[Row]) -> Path:
+    def append(self, rows: list[Row]) -> None:
         """Add the rows as one file, whole or not at all.
 
         Raises OSError: The disk is full or refuses; nothing of these rows is kept.
         """
-        keys = sorted(row["key"] for row in rows)
-        name = hashlib.sha256("".join(keys).encode()).hexdigest()[:16]
+        keys = "".join(sorted(row["key"] for row in rows))
+        name = hashlib.sha256(keys.encode()).hexdigest()[:16]
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self.folder / f"part-{name}.parquet"
         table = pa.Table.from_pylist(rows, schema=SCHEMA)
@@ -66,7 +64,6 @@ class Store:
             with temporary.open("rb") as file:
                 os.fsync(file.fileno())
         self._known[path.name] = {row["key"]: row["status"] for row in rows}
-        return path
 
     def _read(self, path: Path) -> dict[str, str]:
         try:
@@ -104,15 +101,14 @@ def experiments(folder: Path) -> list[str]:
     return sorted(path.stem for path in (folder / _EXPERIMENTS).glob("*.toml"))
 
 
-def read_part(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
+def read_part(path: Path, columns: list[str] | None = None) -> pa.Table:
     """One file's rows, its checksums compared.
 
     Raises OSError, pyarrow.ArrowException: The file is damaged.
     """
-    wanted = None if columns is None else list(columns)
     # Opened once, so that a rename under way cannot come between.
     with path.open("rb") as file:
-        return pq.ParquetFile(file, page_checksum_verification=True).read(wanted)
+        return pq.ParquetFile(file, page_checksum_verification=True).read(columns)
 
 
 def parts(folder: Path) -> list[Path]:

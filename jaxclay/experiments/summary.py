@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from rich.table import Table
 
-from jaxclay.experiments.charts.maps import marked
-from jaxclay.experiments.charts.marks import Mark
-from jaxclay.experiments.charts.series import told_apart
-from jaxclay.experiments.frames import groups, number, select
+from jaxclay.experiments.charts.shared import Mark, marked, told_apart
+from jaxclay.experiments.results import groups, number, select
 
 _ROUNDING = 1e-12  # over the thickness at rest, what the certificate lets pass
 _MOST_PLACES = 2  # of failures that a sentence names
@@ -26,36 +23,30 @@ def summary(rows: pd.DataFrame) -> list[Line]:
     would be empty are left out.
     """
     rows = marked(told_apart(rows))
-    best = _quickest(rows)
-    return _filled([_line(str(series), part, best) for series, part in groups(rows, "series")])
-
-
-def _quickest(rows: pd.DataFrame) -> dict[str, str]:
-    """Whose certified answer is quickest, by problem; of problems that two or more tried."""
+    # Whose certified answer is quickest, by problem; of problems that two or more tried.
     certified = select(rows, (rows.mark == str(Mark.SOLVED)) & (rows.solve_s > 0))
     tried = rows.groupby("problem").series.nunique()
     certified = select(certified, certified.problem.map(tried) > 1)
     first = certified.sort_values("solve_s").drop_duplicates(subset="problem")
-    return dict(zip(first.problem, first.series, strict=True))
+    best = dict(zip(first.problem, first.series, strict=True))
+    return _filled([_line(str(series), part, best) for series, part in groups(rows, "series")])
 
 
 def _line(series: str, part: pd.DataFrame, best: dict[str, str]) -> Line:
     tried = select(part, part.status != "skipped")
     counts = part.mark.value_counts()
     certified = int(counts.get(str(Mark.SOLVED), 0))
-    share = f"{certified / len(tried):.0%}" if len(tried) else ""
     timed = select(tried, tried.kind == "timing")
-    line = {
+    return {
         "method": series,
         "tasks": f"{len(part)}",
-        "certified": share,
+        "certified": f"{certified / len(tried):.0%}" if len(tried) else "",
         "median gap / E_free": _median(tried.gap_relative.abs(), ".1e") or "none certified",
         "median ms": _median(timed.solve_s * 1e3, ".3g"),
         "first answer s": _median(part.first_s, ".2g"),
+        **{str(mark): f"{counts.get(str(mark), 0) or ''}" for mark in list(Mark)[1:]},
+        "in a sentence": _sentence(series, part, tried, certified, best),
     }
-    for mark in list(Mark)[1:]:
-        line[str(mark)] = f"{counts.get(str(mark), 0) or ''}"
-    return line | {"in a sentence": _sentence(series, part, tried, certified, best)}
 
 
 def _sentence(series, part: pd.DataFrame, tried: pd.DataFrame, certified: int, best) -> str:
@@ -94,8 +85,7 @@ def refusals(rows: pd.DataFrame) -> dict[str, int]:
 
 
 def _median(values: pd.Series, spec: str) -> str:
-    known = values.astype(float).dropna()
-    return number(np.median(known), spec) if len(known) else ""
+    return number(values.astype(float).median(), spec)
 
 
 ROWS = ("scene", "units", "size", "method", "settings", "status", "gap / E_free", "contour error",

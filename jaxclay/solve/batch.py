@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.clay.clay import Clay
+from jaxclay.methods.choice import method_settings
 from jaxclay.methods.newton import NewtonSettings
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
@@ -20,19 +22,19 @@ from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_start
 from jaxclay.schemes.slices.posing import place
 from jaxclay.solve.certified_newton import Answer, Packed, answered, packed, program, unpacked
-from jaxclay.solve.minimize import newton_start, solution_of
+from jaxclay.solve.minimize import minimize, newton_start, solution_of
 from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
 from jaxclay.solve.solution import Solution
 from jaxclay.solve.start import start_of
 
-_CAPACITY = 256  # problems of one call
+CAPACITY = 256  # problems of one call
 _MANY = 64  # problems for which it pays to compile their rough shapes too
 
 
 def minimize_batch(
-    problems: Sequence[Problem], settings: Sequence[NewtonSettings] | None = None
+    problems: Sequence[Problem], settings: Sequence[Any] | None = None, method: str = "newton"
 ) -> list[Solution]:
-    """Newton's minima of E_total (eq. 9): problems on as many slices in one compiled call.
+    """Minima of E_total (eq. 9) by one method: problems on as many slices in one compiled call.
 
     The call solves one problem after the other, each to its own end, so that nobody waits for a
     straggler.
@@ -41,8 +43,10 @@ def minimize_batch(
     ----------
     problems : sequence of Problem
         From :func:`jaxclay.pose`, on slices of either scheme.
-    settings : sequence of NewtonSettings, optional
-        Newton's for each problem.
+    settings : sequence of settings, optional
+        The method's for each problem; its defaults if not given.
+    method : str
+        A key of :data:`jaxclay.METHODS`.
 
     Returns
     -------
@@ -52,9 +56,10 @@ def minimize_batch(
     Raises
     ------
     ValueError
-        Settings for another number of problems, a problem on splines.
+        An unknown method, settings for another number of problems, a problem on splines.
     """
-    chosen = [NewtonSettings()] * len(problems) if settings is None else list(settings)
+    default = method_settings(method, {})
+    chosen = [default] * len(problems) if settings is None else list(settings)
     if len(chosen) != len(problems):
         raise ValueError(f"{len(chosen)} settings do not go with {len(problems)} problems")
     for i, problem in enumerate(problems):
@@ -63,7 +68,7 @@ def minimize_batch(
                 f'problems[{i}] is on scheme "spline", but only "slices" and "paper" are solved in '
                 "batches: give it to jaxclay.minimize"
             )
-    return _solved([Wanted(problem, None) for problem in problems], chosen)
+    return _solved([Wanted(problem, None) for problem in problems], chosen, method)
 
 
 def deform_batch(
@@ -127,14 +132,21 @@ def _followed(plans: list[Plan]) -> list[Solution]:
     return [ends[i] for i in range(len(plans))]
 
 
-def _solved(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solution]:
+def _solved(wanted: list[Wanted], settings: list[Any], method: str = "newton") -> list[Solution]:
     answers: dict[int, Solution] = {}
-    sizes = [(each.problem.slices, each.problem.scheme) for each in wanted]
-    for size in dict.fromkeys(sizes):
-        same = [i for i, other in enumerate(sizes) if other == size]
-        for first in range(0, len(same), _CAPACITY):
-            part = same[first : first + _CAPACITY]
-            found = _together([wanted[i] for i in part], [settings[i] for i in part])
+    shapes = [
+        (one.problem.slices, one.problem.scheme, jax.tree.structure(chosen))
+        for one, chosen in zip(wanted, settings, strict=True)
+    ]
+    for shape in dict.fromkeys(shapes):
+        same = [i for i, other in enumerate(shapes) if other == shape]
+        for first in range(0, len(same), CAPACITY):
+            part = same[first : first + CAPACITY]
+            these, theirs = [wanted[i] for i in part], [settings[i] for i in part]
+            if method == "newton":
+                found = _together(these, theirs)
+            else:
+                found = _by_method([one.problem for one in these], theirs, method)
             answers.update(zip(part, found, strict=True))
     return [answers[i] for i in range(len(wanted))]
 
@@ -146,7 +158,7 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
             pairs = list(zip(problems, settings, strict=True))
             count = np.array(len(pairs))
             answer, feasible = in_float64(
-                "minimize", from_rough_shapes, stack(pairs, _CAPACITY), count
+                "minimize", from_rough_shapes, stack(pairs, CAPACITY), count
             )
         else:
             starts = [newton_start(each) for each in wanted]
@@ -170,6 +182,14 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
         ]
 
 
+def _by_method(problems: list[Problem], settings: list[Any], method: str) -> list[Solution]:
+    """The answers of another method, from rough shapes that are compiled too."""
+    pairs, count = list(zip(problems, settings, strict=True)), np.array(len(problems))
+    found = in_float64("minimize", from_problems, stack(pairs, CAPACITY), count, method=method)
+    leaves, structure = jax.tree.flatten(found)
+    return [jax.tree.unflatten(structure, [leaf[i] for leaf in leaves]) for i in range(int(count))]
+
+
 def stack(trees: list[Any], size: int | None = None) -> Any:
     """One tree of arrays with a leading axis, filled up to ``size`` with the last tree."""
     trees = trees + [trees[-1]] * ((size or len(trees)) - len(trees))
@@ -178,7 +198,7 @@ def stack(trees: list[Any], size: int | None = None) -> Any:
 
 def _stacked(leaves: tuple[np.ndarray, ...]) -> np.ndarray:
     """The arrays of all problems, padded to as many as one call takes."""
-    whole = np.zeros((_CAPACITY, *leaves[0].shape))
+    whole = np.zeros((CAPACITY, *leaves[0].shape))
     whole[: len(leaves)] = leaves
     return whole
 
@@ -202,6 +222,18 @@ def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tu
     return _each(one, count)
 
 
+@compiled("method")
+def from_problems(pairs: tuple[Problem, Any], count: Array, *, method: str) -> Solution:
+    """The same for problems and the settings of another method."""
+
+    def one(i: Any) -> Solution:
+        problem, chosen = jax.tree.map(lambda leaf: leaf[i], pairs)
+        names = (field.name for field in dataclasses.fields(chosen))
+        return minimize(problem, method, **{name: getattr(chosen, name) for name in names})
+
+    return _each(one, count)
+
+
 def _each(one: Any, count: Array) -> Any:
     """The results of ``one`` for 0, 1 .. count - 1, padded to as many as one call takes."""
 
@@ -209,5 +241,5 @@ def _each(one: Any, count: Array) -> Any:
         return jax.tree.map(lambda whole, leaf: whole.at[i].set(leaf), found, one(i))
 
     shapes = jax.eval_shape(one, 0)
-    empty = jax.tree.map(lambda leaf: jnp.zeros((_CAPACITY, *leaf.shape), leaf.dtype), shapes)
+    empty = jax.tree.map(lambda leaf: jnp.zeros((CAPACITY, *leaf.shape), leaf.dtype), shapes)
     return jax.lax.fori_loop(0, count.astype(int), put, empty)

@@ -17,13 +17,16 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxclay
-from jaxclay.experiments import editing, load
-from jaxclay.experiments.charts.accuracy import GOOD, points, speed_and_accuracy
-from jaxclay.experiments.charts.series import prepared
+from jaxclay.experiments import load
+from jaxclay.experiments.charts.population import GOOD, points, speed_and_accuracy
+from jaxclay.experiments.charts.shared import prepared
 from jaxclay.experiments.command import carry_out
+from jaxclay.experiments.editing import edited as edited_experiment
 from jaxclay.experiments.engine import tasks_of
-from jaxclay.experiments.frames import number, records
+from jaxclay.experiments.entries.reading import Edited, raw_experiment
+from jaxclay.experiments.results import number, records
 from jaxclay.files.output import patient_output
+from jaxclay.numerics.checks import check_positive
 
 
 def main() -> int:
@@ -31,7 +34,7 @@ def main() -> int:
     asked = parsed()
     jaxclay.keep_compilations()
     if not asked.draw:
-        edited = editing.accuracy(asked.scenes, asked.seed, asked.quick)
+        edited = experiment(asked.scenes, asked.seed, asked.quick)
         again = " ".join(["scripts/bench accuracy", *sys.argv[1:]])
         every = tasks_of(edited.experiment)
         code = carry_out(edited, every, asked.out, again, lambda: None)
@@ -57,6 +60,19 @@ def main() -> int:
         console.print(view)
         console.print(f"left out, as no answer is good enough to measure from: {dropped} scenes")
     return 0
+
+
+def experiment(scenes: int | None = None, seed: int = 0, quick: bool = False) -> Edited:
+    """The packaged experiment or its quick part, on about so many random scenes."""
+    name = "accuracy-quick" if quick else "accuracy"
+    raw = raw_experiment(name)
+    raw["seed"] = seed
+    if scenes is not None:
+        check_positive("scenes", scenes)
+        whole = sum(table["draws"] for table in raw["scenes"])
+        for table in raw["scenes"]:
+            table["draws"] = max(1, round(scenes * table["draws"] / whole))
+    return edited_experiment(name, raw)
 
 
 def parsed() -> argparse.Namespace:

@@ -31,10 +31,9 @@ from threadpoolctl import threadpool_limits
 from throughput_scenes import WAYS, scenes
 
 import jaxclay
-from jaxclay.experiments.machine import one_thread, pinned
-from jaxclay.experiments.solving.batched import CAPACITY, stack
-from jaxclay.experiments.solving.where import cores
+from jaxclay.experiments.machine import cores, one_thread, pinned
 from jaxclay.numerics.host import Compiled
+from jaxclay.solve.batch import CAPACITY, stack
 
 _SINGLE = 400  # calls that are timed one after the other
 _TIMES_SINGLE, _SECOND_CORE = 3.0, 1.7  # the bounds

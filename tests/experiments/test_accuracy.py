@@ -1,5 +1,7 @@
 """Speed against accuracy: what a row says, what is timed, limits, extrapolation, the picture."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,14 +15,15 @@ pytest.importorskip("rich")
 import matplotlib.pyplot as plt  # noqa: E402
 
 from jaxclay.experiments import run  # noqa: E402
-from jaxclay.experiments.charts.accuracy import (  # noqa: E402
+from jaxclay.experiments.charts.population import (  # noqa: E402
     accuracy_charts,
     points,
     speed_and_accuracy,
 )
-from jaxclay.experiments.charts.series import prepared  # noqa: E402
-from jaxclay.experiments.editing import accuracy  # noqa: E402
+from jaxclay.experiments.charts.shared import prepared  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
+
+SCRIPTS = Path(__file__).parents[2] / "scripts" / "benchmarks"
 
 SMALL = """\
 kind = "timing"
@@ -149,7 +152,16 @@ def test_beyond_the_grids_the_line_goes_on_by_its_order():
     plt.close(figure)
 
 
-def test_every_method_and_scheme_takes_part():
+@pytest.fixture
+def accuracy(monkeypatch):
+    """The benchmark's experiment, by its options."""
+    monkeypatch.syspath_prepend(SCRIPTS)
+    from accuracy import experiment  # type: ignore[import-not-found]
+
+    return experiment
+
+
+def test_every_method_and_scheme_takes_part(accuracy):
     found = tasks(accuracy(quick=True).experiment)
     assert {task.method for task in found} == set(jaxclay.METHODS)
     sizes = [task.discretisation for task in found if task.method == "newton"]
@@ -158,7 +170,7 @@ def test_every_method_and_scheme_takes_part():
     assert {task.method for task in found if task.first} == set(jaxclay.METHODS)
 
 
-def test_so_many_scenes_are_drawn_as_are_asked_for():
+def test_so_many_scenes_are_drawn_as_are_asked_for(accuracy):
     found = tasks(accuracy(scenes=20).experiment)
     drawn = {task.specification for task in found if task.specification.source == "cylinder"}
     assert len(drawn) == 20

@@ -9,15 +9,14 @@ from scenes import REFERENCE, squash_by
 import jaxclay
 from jaxclay import Status
 from jaxclay.cli.main import main
-from jaxclay.experiments.charts.marks import Mark, mark_of
 
 pd = pytest.importorskip("pandas")
 pytest.importorskip("pydantic")
 pytest.importorskip("matplotlib").use("Agg")
 
 from jaxclay.experiments import load, run  # noqa: E402
-from jaxclay.experiments.charts.maps import mark_maps, marked  # noqa: E402
-from jaxclay.experiments.charts.series import prepared  # noqa: E402
+from jaxclay.experiments.charts.maps import mark_maps  # noqa: E402
+from jaxclay.experiments.charts.shared import Mark, mark_of, marked, prepared  # noqa: E402
 from jaxclay.experiments.editing import atlas  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
 

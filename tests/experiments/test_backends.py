@@ -14,9 +14,9 @@ pytest.importorskip("distributed")
 
 from sweeps import GREEDY
 
-from jaxclay.experiments import backends, engine, estimate, load, machine, run
+from jaxclay.experiments import backends, engine, load, machine, run
 from jaxclay.experiments.entries.reading import read_experiment
-from jaxclay.experiments.entries.tasks import identity
+from jaxclay.experiments.machine import identity
 
 COUNT = 12
 
@@ -27,7 +27,7 @@ def experiment(tmp_path_factory):
     path = tmp_path_factory.mktemp("experiment") / "small.toml"
     path.write_text(GREEDY)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(estimate, "MOST", 2)
+        patch.setattr(engine, "MOST", 2)
         yield path
 
 

@@ -19,7 +19,7 @@ pytest.importorskip("pydantic")
 pytest.importorskip("matplotlib").use("Agg")
 
 from jaxclay.experiments.editing import comparison  # noqa: E402
-from jaxclay.experiments.entries.profiles import files_of  # noqa: E402
+from jaxclay.experiments.entries.scenes import files_of  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
 
 METHODS = ["newton", "greedy", "greedy-refined"]

@@ -8,12 +8,12 @@ import jaxclay
 
 pd = pytest.importorskip("pandas")
 pytest.importorskip("pydantic")
+tomlkit = pytest.importorskip("tomlkit")
 pytest.importorskip("matplotlib").use("Agg")
 
 from jaxclay.cli.main import main  # noqa: E402
 from jaxclay.experiments import load_curves, run  # noqa: E402
 from jaxclay.experiments.entries.reading import (  # noqa: E402
-    as_toml,
     checked,
     raw_experiment,
     read_experiment,
@@ -200,9 +200,9 @@ def test_what_belongs_to_timing_is_refused_of_throughput(read, entry):
 def test_tables_written_out_are_read_as_the_same_experiment(name, tmp_path):
     raw = raw_experiment(name)
     path = tmp_path / "again.toml"
-    path.write_text(as_toml(raw))
+    path.write_text(tomlkit.dumps(raw))
     found = [
         {task.key for task in tasks(one)}
-        for one in (checked(raw, path, as_toml(raw)), read_experiment(path))
+        for one in (checked(raw, path, tomlkit.dumps(raw)), read_experiment(path))
     ]
     assert found[0] == found[1]

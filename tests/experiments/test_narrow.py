@@ -12,7 +12,8 @@ termios = pytest.importorskip("termios")
 
 from sweeps import COUNT  # noqa: E402
 
-from jaxclay.experiments import command, editing  # noqa: E402
+from jaxclay.experiments import command  # noqa: E402
+from jaxclay.experiments.entries.reading import of_file  # noqa: E402
 
 
 def test_every_number_is_there_on_a_narrow_terminal(whole, experiment, monkeypatch):
@@ -23,7 +24,7 @@ def test_every_number_is_there_on_a_narrow_terminal(whole, experiment, monkeypat
     with open(theirs, "w") as terminal, open(ours, "rb", buffering=0) as screen:
         monkeypatch.setattr(sys, "stdout", terminal)
         options = Namespace(quiet=True, rows=False)
-        assert command.shown(editing.of_file(experiment), whole, options, lambda: None) == 0
+        assert command.shown(of_file(experiment), whole, options, lambda: None) == 0
         terminal.flush()
         said = screen.read(100_000).decode()
     assert "greedy-refined" in said

@@ -26,7 +26,7 @@ from jaxclay.experiments.entries.reading import (
 NAMES = [name for name in packaged() if not name.endswith("-quick")]
 SIGNALS = [signal.SIGKILL, signal.SIGINT, signal.SIGPIPE, signal.SIGTERM]
 COMMAND = (
-    "import sys; from jaxclay.experiments import estimate; estimate.MOST = 1;"
+    "import sys; from jaxclay.experiments import engine; engine.MOST = 1;"
     "from jaxclay.cli.main import entry; sys.argv[0] = 'jaxclay'; entry()"
 )
 FEW = {"draws": 2, "continuum": 64, "repeats": 1, "budget": 0.01, "slices": 16, "elements": 2,

@@ -17,7 +17,7 @@ pytest.importorskip("matplotlib").use("Agg")
 pytest.importorskip("pydantic")
 
 from jaxclay.experiments import summary  # noqa: E402
-from jaxclay.experiments.charts.series import prepared  # noqa: E402
+from jaxclay.experiments.charts.shared import prepared  # noqa: E402
 
 SMOOTH = [name for name, peer in PEERS.items() if not peer.move_only]
 CONVEX = [name for name, peer in PEERS.items() if peer.move_only]

@@ -21,7 +21,7 @@ from jaxclay.experiments import (  # noqa: E402
     report,
     run,
 )
-from jaxclay.experiments.charts.series import prepared  # noqa: E402
+from jaxclay.experiments.charts.shared import prepared  # noqa: E402
 from jaxclay.experiments.charts.standard import timing_charts  # noqa: E402
 
 SCENES = """

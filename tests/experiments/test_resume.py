@@ -18,7 +18,7 @@ pytest.importorskip("pydantic")
 from sweeps import COUNT, TEXT, files, same, start, wait_for
 
 from jaxclay.cli.main import main
-from jaxclay.experiments import engine, estimate, load, run, store
+from jaxclay.experiments import engine, load, run, store
 from jaxclay.experiments.entries.reading import read_experiment
 
 
@@ -68,7 +68,7 @@ def test_two_runs_on_one_folder_share_it(whole, experiment, tmp_path):
 
 
 def test_damaged_files_are_set_aside_and_done_again(whole, experiment, tmp_path, monkeypatch):
-    monkeypatch.setattr(estimate, "MOST", 2)
+    monkeypatch.setattr(engine, "MOST", 2)
     run(experiment, tmp_path)
     first, second, third, *_ = files(tmp_path)
     first.write_bytes(first.read_bytes()[:500])
@@ -89,7 +89,7 @@ def test_damaged_files_are_set_aside_and_done_again(whole, experiment, tmp_path,
 def test_a_full_disk_keeps_what_was_written_and_says_how_to_go_on(
     whole, experiment, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr(estimate, "MOST", 2)
+    monkeypatch.setattr(engine, "MOST", 2)
     write, written = store.pq.write_table, []
 
     def full(table, path, **more):

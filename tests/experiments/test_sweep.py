@@ -16,10 +16,10 @@ pytest.importorskip("pydantic")
 from sweeps import COUNT, TEXT  # noqa: E402
 
 from jaxclay.cli.main import main  # noqa: E402
-from jaxclay.experiments import engine, estimate, load, load_curves, machine, run  # noqa: E402
+from jaxclay.experiments import engine, load, load_curves, machine, run  # noqa: E402
 from jaxclay.experiments.entries.reading import read_experiment  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
-from jaxclay.experiments.solving.batched import minimized  # noqa: E402
+from jaxclay.methods.choice import method_settings  # noqa: E402
 
 
 def test_answers_are_what_the_library_says(whole, experiment):
@@ -93,7 +93,7 @@ def test_what_cannot_be_posed_is_skipped_and_says_why(tmp_path, experiment):
 
 def test_progress_of_a_quiet_run_has_rate_and_time_left(experiment, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("jaxclay.experiments.progress.EVERY", 0.05)
-    monkeypatch.setattr(estimate, "MOST", 12)
+    monkeypatch.setattr(engine, "MOST", 12)
     assert main(["sweep", str(experiment), "--out", str(tmp_path), "--quiet"]) == 0
     lines = capsys.readouterr().err.splitlines()
     said = rf"(0|12|24) of {COUNT} tasks(, [\d.]+(/s| s each))?, .* left; .*"
@@ -139,7 +139,8 @@ def test_timing_runs_alone_on_one_core_with_compiling_apart(tmp_path):
 def test_a_batch_has_settings_for_each(method, settings):
     clay, squash = jaxclay.Clay.cylinder(slices=16), jaxclay.Squash(0.0, 0.3, 0.4)
     problem = jaxclay.pose(clay, squash, jaxclay.Material.from_snake_units(), "paper")
-    answers = minimized([problem] * len(settings), method, settings)
+    every = [method_settings(method, chosen) for chosen in settings]
+    answers = jaxclay.minimize_batch([problem] * len(settings), every, method)
     for answer, chosen in zip(answers, settings, strict=True):
         alone = jaxclay.minimize(problem, method, **chosen)
         assert float(answer.energy) == pytest.approx(float(alone.energy), rel=1e-12)

@@ -8,8 +8,8 @@ pytest.importorskip("matplotlib").use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402
 
-from jaxclay.experiments.charts import layout, panels  # noqa: E402
-from jaxclay.experiments.charts.statistics import (  # noqa: E402
+from jaxclay.experiments.charts import panels, shared  # noqa: E402
+from jaxclay.experiments.charts.panels import (  # noqa: E402
     exponent,
     ladder,
     performance_profile,
@@ -61,7 +61,7 @@ def test_numbers_on_axes_do_not_touch():
     for low in (1.1e-16, 3e-6, 0.09, 0.24, 0.7, 5100.0):
         for factor in (1.05, 1.2, 2, 5, 9, 60, 300, 1e4, 1e9, 1e20):
             ax.set(xlim=(low, low * factor), ylim=(low, low * factor))
-            layout.even_ticks(ax.xaxis, ax.yaxis)
+            shared.even_ticks(ax.xaxis, ax.yaxis)
             for axis, ends in ((ax.xaxis, "intervalx"), (ax.yaxis, "intervaly")):
                 labels = axis.get_ticklabels()
                 assert len({label.get_text() for label in labels}) == len(labels) > 1

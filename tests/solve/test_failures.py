@@ -8,7 +8,7 @@ import pytest
 from scenes import PRINTED, REFERENCE, SNAKE, cylinder_problem, gap, solved, squash_by
 
 from jaxclay import Clay, Material, Squash, Status, deform, minimize, pose, rough_shape
-from jaxclay.experiments import precision as single
+from jaxclay.experiments import contestants as single
 from jaxclay.methods.loop import initial_guess, solve
 from jaxclay.solve.minimize import conclude, method_settings
 

@@ -13,10 +13,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from jaxclay.experiments.charts.layout import Chart, cells, grid, panelled
-from jaxclay.experiments.charts.marks import Mark, mark_of
 from jaxclay.experiments.charts.panels import ROUNDING
-from jaxclay.experiments.frames import groups, records, select
+from jaxclay.experiments.charts.shared import Chart, Mark, cells, grid, marked, panelled
+from jaxclay.experiments.results import groups, records, select
 from jaxclay.experiments.scenes import SNAKE_SLICES
 from jaxclay.files.plots import COLOURS
 from jaxclay.schemes.base import DECREMENT
@@ -36,12 +35,6 @@ _READING = (
     "The small figure is the decimal exponent of the energy above the certified minimum of "
     "another method, over E_free: -3 is a thousandth of it."
 )
-
-
-def marked(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with their marks."""
-    pairs = zip(rows.status, rows.gap_relative, strict=True)
-    return rows.assign(mark=[str(mark_of(status, gap)) for status, gap in pairs])
 
 
 def mark_maps(rows: pd.DataFrame) -> Iterator[Chart]:
@@ -76,25 +69,23 @@ def mark_maps(rows: pd.DataFrame) -> Iterator[Chart]:
 
 def _is_product(part: pd.DataFrame, x: str, y: str) -> bool:
     """Whether nearly all combinations of several values are there."""
-    xs, ys = len(set(part[x])), len(set(part[y]))
-    if min(xs, ys) < 2:
-        return False
-    return part.groupby([x, y]).ngroups >= max(_FEWEST, 0.9 * xs * ys)
+    xs, ys = part[x].nunique(), part[y].nunique()
+    there = len(part.drop_duplicates(subset=[x, y]))
+    return bool(min(xs, ys) > 1 and there >= max(_FEWEST, 0.9 * xs * ys))
 
 
 def _map(part: pd.DataFrame, x: str, y: str) -> Chart:
-    first, line = part.iloc[0], {x, y} == {"displacement", "mu"}
-    floor = (
-        "Beyond the dashed line 2|d|mu/k = 1 the thicknesses of eq. 14 fall below zero, and the "
-        "floor takes over. "
-    )
+    first, floor = part.iloc[0], ""
+    figure = _figure(part, "series", x, y, columns=4)
+    if (x, y) == ("displacement", "mu"):
+        floor = ("Beyond the dashed line 2|d|mu/k = 1 the thicknesses of eq. 14 fall below zero, "
+                 "and the floor takes over. ")  # fmt: skip
+        for ax in figure.axes:
+            _floor_line(ax, *(sorted(set(part[name])) for name in (x, y)))
     caption = (
         f"{_NAMES[y]} against {_NAMES[x]}, {first.scene}, {first.units} units, {first.slices} "
-        f"slices. {floor if line else ''}{_READING}"
+        f"slices. {floor}{_READING}"
     )
-    figure = _figure(part, "series", x, y, columns=4)
-    for ax in figure.axes if line else ():
-        _floor_line(ax, *(sorted(set(part[name])) for name in ("displacement", "mu")))
     return f"map-{x}-{y}-{first.units}-{first.slices}", caption, figure
 
 
@@ -128,12 +119,12 @@ def _figure(rows: pd.DataFrame, panel: str, x: str, y: str, columns: int) -> Fig
     for ax in axes[-columns:]:
         ax.set_xlabel(_NAMES[x])
     figure.supylabel(_NAMES[y], fontsize=10)
-    marks = [mark for name, mark in _MARKS.items() if (rows.mark == name).any()]
     handles = [
         Patch(facecolor=mark.colour, edgecolor="#888888", label=f"{mark.symbol}  {mark}")
-        for mark in marks
+        for name, mark in _MARKS.items()
+        if (rows.mark == name).any()
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(marks), fontsize=8)
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8)
     return figure
 
 
@@ -188,5 +179,5 @@ def _rounding(ax: Axes, rows: pd.DataFrame) -> None:
         ax.plot(here.slices, values, look, color=colour, label=label, markersize=5)
     ax.axhline(DECREMENT, color="#555555", linewidth=1, label="certificate's bar")
     ax.set(xscale="log", yscale="log", xlabel="slices n", ylabel="error of float32")
-    ax.set_xticks(here.slices, [f"{n}" for n in here.slices])
+    ax.set_xticks(here.slices, map(str, here.slices))
     ax.minorticks_off()

@@ -15,14 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxclay.experiments.charts import panels
-from jaxclay.experiments.charts.accuracy import accuracy_charts
-from jaxclay.experiments.charts.heat import failure_charts
-from jaxclay.experiments.charts.layout import Chart, panelled
 from jaxclay.experiments.charts.maps import mark_maps
-from jaxclay.experiments.charts.panels import CONTOUR, ERRORS, GAP, ROUNDING
-from jaxclay.experiments.charts.series import default_rows, told_apart
-from jaxclay.experiments.charts.statistics import HIGH, LOW, times_to_solve
-from jaxclay.experiments.frames import groups, select
+from jaxclay.experiments.charts.panels import CONTOUR, ERRORS, GAP, HIGH, LOW, ROUNDING
+from jaxclay.experiments.charts.population import accuracy_charts, failure_charts
+from jaxclay.experiments.charts.shared import Chart, default_rows, panelled, told_apart
+from jaxclay.experiments.results import groups, select
 from jaxclay.files.plots import COLOURS
 
 _UNITS = {
@@ -31,6 +28,12 @@ _UNITS = {
     "move": "E_move alone (alpha = beta = 0)",
 }
 _BAND = f"{LOW:.0%} to {HIGH:.0%}"
+_SHAPES: Any = (  # method, which contour of it, label, look
+    ("newton", "before", "before", {"color": COLOURS[7], "linestyle": ":"}),
+    ("newton", "start", "start (rough shape)", {"color": COLOURS[4], "linestyle": "--"}),
+    ("greedy", "contour", "greedy", {"color": COLOURS[1], "linestyle": "-."}),
+    ("newton", "contour", "minimum (newton)", {"color": COLOURS[0]}),
+)
 _GRIDS = ["units", "slices"]
 _FEW = 3  # scenes that get a chart each where there are no more
 _MOST_SHAPES = 20
@@ -61,16 +64,7 @@ def all_charts(kind: str, rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Ch
 def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
     """The charts of timing runs."""
     timed = select(rows, (rows.solve_s > 0) & (rows.budget == 0))
-    for error, known, left_out in _measured(timed):
-        point = "a setting of the method" if error == GAP else "a number of slices or of spans"
-        for where, part in _scenes(_with_rungs(known, error)):
-            yield (
-                "work-precision" + ("-contour" if error == CONTOUR else "") + where,
-                f"Work and precision: {ERRORS[error]} against time. A point is {point}, at the "
-                "medians over the scenes; bars, and bands where times rise from point to point, "
-                f"hold {_BAND} of them. Down and left is better. {left_out}",
-                _panels(part, _GRIDS if error == GAP else ["units"], panels.work_precision(error)),
-            )
+    yield from _work_precision_charts(timed)
     traced = _traced(rows, traces)
     if len(traced):
         yield (
@@ -80,7 +74,12 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
             "energies are above that minimum, over E_free.",
             _panels(traced, _GRIDS, panels.energy),
         )
-    if goals := list(_goals(timed)):
+    goals = []  # that two methods or more can be compared by
+    for error, within, problem, title in _GOALS:
+        those = _comparable(timed, error)
+        if select(those, those[error].notna()).family.nunique() > 1:
+            goals.append((title, panels.times_to_solve(those, error, within, problem)))
+    if goals:
         yield (
             "profile",
             "Performance profiles (Dolan and More): the share of problems, which are scenes on a "
@@ -101,6 +100,25 @@ def timing_charts(rows: pd.DataFrame, traces: xr.Dataset) -> Iterator[Chart]:
         )
 
 
+def _work_precision_charts(timed: pd.DataFrame) -> Iterator[Chart]:
+    """Gaps where a method was run with several settings; contours on several sizes."""
+    for error, known, left_out in _measured(timed):
+        name, by, of = "work-precision-contour", "specification", "problem"
+        point, grids = "a number of slices or of spans", ["units"]
+        if error == GAP:
+            name, by, of = "work-precision", "problem", "settings"
+            point, grids = "a setting of the method", _GRIDS
+        counts: Any = known.groupby([by, "family"])[of].transform("nunique")
+        for where, part in _scenes(select(known, known[by].isin(known.loc[counts > 1, by]))):
+            yield (
+                name + where,
+                f"Work and precision: {ERRORS[error]} against time. A point is {point}, at the "
+                "medians over the scenes; bars, and bands where times rise from point to point, "
+                f"hold {_BAND} of them. Down and left is better. {left_out}",
+                _panels(part, grids, panels.work_precision(error)),
+            )
+
+
 def _throughput_charts(rows: pd.DataFrame) -> Iterator[Chart]:
     """How near the answers are; no times."""
     for error, known, left_out in _measured(told_apart(rows)):
@@ -119,19 +137,13 @@ def _shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
     own = select(own, (own.squashes <= 1) & (own.budget == 0))
     both: Any = own.groupby(["units", "scene", "slices"]).method.transform("nunique")
     own = select(own, both == 2)
-    where = {key: i for i, key in enumerate(curves.key.values)}
-    looks: Any = (
-        ("newton", "before", "before", {"color": COLOURS[7], "linestyle": ":"}),
-        ("newton", "start", "start (rough shape)", {"color": COLOURS[4], "linestyle": "--"}),
-        ("greedy", "contour", "greedy", {"color": COLOURS[1], "linestyle": "-."}),
-        ("newton", "contour", "minimum (newton)", {"color": COLOURS[0]}),
-    )
+    by_key = curves.set_index(task="key")
 
     def draw(ax: Axes, part: pd.DataFrame) -> None:
         keys = part.drop_duplicates("method").set_index("method").key
-        for method, what, label, look in looks:
-            r, y = (curves[f"{what}_{name}"].values[where[keys[method]]]
-                    for name in ("radius", "height"))  # fmt: skip
+        for method, what, label, look in _SHAPES:
+            one = by_key.sel(task=keys[method])
+            r, y = one[f"{what}_radius"].values, one[f"{what}_height"].values
             r, y = r[np.isfinite(r)], y[np.isfinite(r)]
             ax.plot(np.append(r, -r[::-1]), np.append(y, y[::-1]), label=label, **look)
         ax.grid(False)
@@ -140,27 +152,17 @@ def _shape_charts(rows: pd.DataFrame, curves: xr.Dataset) -> Iterator[Chart]:
 
     for units, part in groups(own, "units"):
         if part.scene.nunique() <= _MOST_SHAPES:
-            each = [(scene, _coarsest(same)) for scene, same in groups(part, "scene")]
-            titled = [(f"{scene}\n{same.slices.iloc[0]} slices", same) for scene, same in each]
+            titled = []
+            for scene, same in groups(part, "scene"):  # on the fewest slices, from 64 up if it can
+                sizes = set(same.slices)
+                n = min([size for size in sizes if size >= 64] or sizes)
+                titled.append((f"{scene}\n{n} slices", select(same, same.slices == n)))
             yield (
                 f"shapes-{units}",
                 "The shape before the squash, the start, greedy's answer and the minimum, "
                 f"{_UNITS[units]}.",
                 panelled(titled, draw, 5, 3.1, 3.4),
             )
-
-
-def _coarsest(rows: pd.DataFrame) -> pd.DataFrame:
-    """On the fewest slices, if they can be from 64 up."""
-    sizes = set(rows.slices)
-    return select(rows, rows.slices == min([n for n in sizes if n >= 64] or sizes))
-
-
-def _with_rungs(rows: pd.DataFrame, error: str) -> pd.DataFrame:
-    """Gaps where a method was run with several settings; contours on several sizes."""
-    by, of = ("problem", "settings") if error == GAP else ("specification", "problem")
-    counts: Any = rows.groupby([by, "family"])[of].transform("nunique")
-    return select(rows, rows[by].isin(rows[by][counts > 1]))
 
 
 def _scenes(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -184,33 +186,22 @@ def _measured(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str]]:
 def _traced(rows: pd.DataFrame, traces: xr.Dataset) -> pd.DataFrame:
     """The rows that have a trace, certified, with its times and gaps."""
     known = told_apart(select(rows, rows.energy_minimum.notna() & (rows.energy_free > 0)))
-    where = {key: i for i, key in enumerate(traces.key.values)}
-    places = np.array([where[key] for key in known.key], int)
-    seconds, energy = traces.trace_s.values[places], traces.trace_energy.values[places]
-    above = energy - known.energy_minimum.to_numpy()[:, None]
-    gaps = above / known.energy_free.to_numpy()[:, None]
-    found = known.assign(trace_s=list(seconds), trace_gap=list(gaps))
-    return select(found, np.isfinite(seconds).any(axis=1))
+    mine = traces.set_index(task="key").sel(task=list(known.key))
+    minimum, scale = (known[name].to_numpy()[:, None] for name in ("energy_minimum", "energy_free"))
+    gaps = (mine.trace_energy.values - minimum) / scale
+    found = known.assign(trace_s=list(mine.trace_s.values), trace_gap=list(gaps))
+    return select(found, np.isfinite(mine.trace_s.values).any(axis=1))
 
 
 def _panels(rows: pd.DataFrame, by: list[str], draw: Callable[[Axes, Any], None]) -> Figure:
     """A panel for each value of the columns ``by``, units first."""
     order = list(_UNITS).index
     parts = sorted(groups(rows, by), key=lambda part: (order(part[0][0]), *part[0][1:]))
-    titles = [
-        ", ".join([_UNITS[units], *(f"{n} slices" if n else "splines" for n in slices)])
-        for (units, *slices), _ in parts
+    titled = [
+        (", ".join([_UNITS[units], *(f"{n} slices" if n else "splines" for n in slices)]), part)
+        for (units, *slices), part in parts
     ]
-    titled = [(title, part) for title, (_, part) in zip(titles, parts, strict=True)]
     return panelled(titled, draw, 3, max(4.6, 6.0 / min(3, len(parts))), 3.9)
-
-
-def _goals(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """The goals that two methods or more can be compared by: title, and times to reach it."""
-    for error, within, problem, title in _GOALS:
-        those = _comparable(rows, error)
-        if select(those, those[error].notna()).family.nunique() > 1:
-            yield title, times_to_solve(those, error, within, problem)
 
 
 def _comparable(rows: pd.DataFrame, error: str) -> pd.DataFrame:

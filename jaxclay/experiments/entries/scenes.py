@@ -6,16 +6,25 @@ over the piece's height, ``ratio`` the tool's radius over the piece's own at mid
 
 from __future__ import annotations
 
-import math
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    model_validator,
+)
 
-from jaxclay.experiments.entries.lines import MistakeAt, Place
-from jaxclay.experiments.entries.profiles import matches
-from jaxclay.experiments.entries.values import Values, numbers
+from jaxclay.experiments.entries.values import MistakeAt, Place, Values, numbers
 from jaxclay.experiments.scenes import packaged_scenes
+from jaxclay.files.profiles import PROFILES
+from jaxclay.files.several import only_profiles
 
 T = TypeVar("T")
 Some = Annotated[list[T], Field(min_length=1)]
@@ -34,6 +43,11 @@ class Table(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True
     )
+
+    @property
+    def choices(self) -> dict[str, Values]:
+        """Those of its keys that may be lists, in their order."""
+        return {name: value for name, value in self if isinstance(value, Values)}
 
 
 class CylinderTable(Table):
@@ -60,12 +74,11 @@ class SquashTable(Table):
     def _one_of_them(self) -> SquashTable:
         if self.displacement is None:
             if self.ratio is None:
-                raise MistakeAt(("ratio",), "is missing")
+                raise MistakeAt("is missing", "ratio")
         elif self.ratio is not None:
-            raise MistakeAt(("displacement",), "stands for the ratio: give one of the two")
+            raise MistakeAt("stands for the ratio: give one of the two", "displacement")
         elif (most := max(self.displacement.ends)) >= min(self.height.fixed(), default=0.0):
-            message = f"{most:g}: it must be below the band's height"
-            raise MistakeAt(("displacement",), message)
+            raise MistakeAt(f"{most:g}: it must be below the band's height", "displacement")
         return self
 
 
@@ -78,29 +91,34 @@ class MaterialTable(Table):
     beta: numbers(0.0) = _ONE  # type: ignore[valid-type]
 
 
+def _known(name: str) -> str:
+    if name not in (known := packaged_scenes()):
+        raise ValueError(f"unknown scene {name!r}: choose from {', '.join(known)}")
+    return name
+
+
+def _listed(raw: Any) -> Any:
+    """A single table is a list of one."""
+    return [raw] if isinstance(raw, dict) else raw
+
+
 class ScenesTable(Table):
     """Scenes: by ``names``, or pieces and squashes in all combinations, or ``draws`` of them."""
 
-    names: Some[str] | None = None  # of packaged scenes; only ``units`` goes beside them
+    # Of packaged scenes; only ``units`` goes beside them.
+    names: Some[Annotated[str, AfterValidator(_known)]] | None = None
     # Packaged profiles, or CSV files by glob, from the experiment file's folder.
     profiles: Some[str] | None = None
     cylinders: CylinderTable | None = None
     # Radii of profiles below it are raised to it, in their length unit.
     minimum_radius: Annotated[float, Field(gt=0)] | None = None
-    squash: Some[SquashTable] | None = None  # one, or a succession, of which the last is solved
+    # One, or a succession, of which the last is solved.
+    squash: Annotated[Some[SquashTable], BeforeValidator(_listed)] | None = None
     # Instead of a squash, one to 0.85 of a profile's radius there.
     places: Some[Literal["middle", "shoulder"]] | None = None
     material: MaterialTable = MaterialTable()
     units: Some[Units] = Field(default=["snake"])
     draws: Annotated[int, Field(ge=1, le=_MOST)] | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_squash(cls, raw: Any) -> Any:
-        """A single table of a squash is a succession of one."""
-        if isinstance(raw, dict) and isinstance(raw.get("squash"), dict):
-            return raw | {"squash": [raw["squash"]]}
-        return raw
 
     @model_validator(mode="after")
     def _checked(self) -> ScenesTable:
@@ -111,68 +129,96 @@ class ScenesTable(Table):
         elif self.places is not None:
             for name in ("squash", "cylinders", "draws"):
                 if getattr(self, name) is not None:
-                    message = f"{name} beside places, which are squashes of profiles"
-                    raise MistakeAt((name,), message)
+                    raise MistakeAt(f"{name} beside places, which are squashes of profiles", name)
         elif self.squash is None:
             raise ValueError("pieces without a squash: give squash = { bottom, height, ratio }")
-        elif self.draws is None and (random := self._random()):
+        elif self.draws is None and (random := [at for at, n in self._numbers() if n.random]):
             keys = ", ".join(dict.fromkeys(str(place[-1]) for place in random))
-            raise MistakeAt(random[0], f"{keys} must be drawn: say how many scenes with draws")
+            raise MistakeAt(f"{keys} must be drawn: say how many scenes with draws", *random[0])
         elif (bottom := max(self.squash[0].bottom.ends)) >= 1:
             message = f"{bottom:g} lies above the piece: the first band must begin below 1"
-            raise MistakeAt(("squash", 0, "bottom"), message)
+            raise MistakeAt(message, "squash", 0, "bottom")
         return self
 
     @model_validator(mode="after")
     def _with_files(self, info: ValidationInfo) -> ScenesTable:
         """Every profile a packaged name or the path of one file, those of a folder added."""
-        context: dict[str, Any] = info.context or {"folder": Path(), "added": []}
-        names = []
-        for i, entry in enumerate(self.profiles or ()):
-            try:
-                names += matches(entry, context["folder"], self.minimum_radius)
-            except ValueError as error:
-                raise MistakeAt(("profiles", i), str(error)) from None
+        context: Any = info.context
         if self.profiles is not None:
+            names = []
+            for i, entry in enumerate(self.profiles):
+                try:
+                    names += _matches(entry, context["folder"], self.minimum_radius)
+                except ValueError as error:
+                    raise MistakeAt(str(error), "profiles", i) from None
             self.profiles[:] = dict.fromkeys([*names, *context["added"]])
         if self.draws is None and (count := self._combinations()) > _MOST:
             raise ValueError(f"{count} combinations: at most {_MOST}, or give draws")
         return self
 
     def _check_names(self, names: list[str]) -> None:
-        known = packaged_scenes()
-        for i, name in enumerate(names):
-            if name not in known:
-                message = f"unknown scene {name!r}: choose from {', '.join(known)}"
-                raise MistakeAt(("names", i), message)
         if given := sorted(self.model_fields_set - {"names", "units"}):
             message = f"{', '.join(given)} beside names, which are whole scenes: take a table of "
-            raise MistakeAt((given[0],), f"{message}[[scenes]] for each")
+            raise MistakeAt(f"{message}[[scenes]] for each", given[0])
+        known = packaged_scenes()
         able = {units for name in names for units in known[name].units}
         if able.isdisjoint(self.units):
             message = f"no scene: {', '.join(names)} can be run in {', '.join(sorted(able))}"
-            raise MistakeAt(("units",), message)
+            raise MistakeAt(message, "units")
 
-    def _numbers(self) -> dict[Place, Values]:
-        """Everything that may be a list, by its place below this table."""
+    def _numbers(self) -> Iterator[tuple[Place, Values]]:
+        """Everything that may be a list, and its place below this table."""
         squashes = [(("squash", i), table) for i, table in enumerate(self.squash or ())]
         tables = [(("cylinders",), self.cylinders), *squashes, (("material",), self.material)]
-        return {
-            (*place, key): value
-            for place, table in tables
-            for key, value in table or ()
-            if isinstance(value, Values)
-        }
-
-    def _random(self) -> list[Place]:
-        return [place for place, value in self._numbers().items() if value.random]
+        for place, table in tables:
+            if table is not None:
+                yield from (((*place, key), n) for key, n in table.choices.items())
 
     def _combinations(self) -> int:
         """How many scenes the lists make, counted without making them."""
         if self.names is not None:
             return len(self.names) * len(self.units)
-        counts = {place: len(value.entries) for place, value in self._numbers().items()}
-        cylinders = math.prod(n for place, n in counts.items() if place[0] == "cylinders")
-        pieces = len(self.profiles or ()) + (cylinders if self.cylinders else 0)
-        others = math.prod(n for place, n in counts.items() if place[0] != "cylinders")
-        return pieces * others * len(self.places or (1,)) * len(self.units)
+        cylinders, others = int(self.cylinders is not None), len(self.places or (1,))
+        for (table, *_), values in self._numbers():
+            if table == "cylinders":
+                cylinders *= len(values.entries)
+            else:
+                others *= len(values.entries)
+        return (len(self.profiles or ()) + cylinders) * others * len(self.units)
+
+
+def files_of(folder: Path, minimum_radius: float | None = None) -> list[str]:
+    """The profiles in a folder: CSV files, however their ending is written; hidden ones are none.
+
+    Raises ValueError: There is none, or one that is no profile.
+    """
+    if not folder.is_dir():
+        wrong = "is a file" if folder.exists() else "does not exist"
+        raise ValueError(f"{folder} {wrong}: name a folder of profiles, CSV files")
+    files = _visible(file for file in folder.iterdir() if file.suffix.lower() == ".csv")
+    if not files:
+        raise ValueError(f"no CSV file in {folder}: each profile is a file with height,radius")
+    return only_profiles(files, minimum_radius)
+
+
+def _matches(entry: str, folder: Path, minimum_radius: float | None) -> list[str]:
+    """The profiles that an entry of a file in ``folder`` names; ValueError if none."""
+    if entry in PROFILES:
+        return [entry]
+    pattern = Path(entry)
+    try:
+        wanted = re.sub(r"(?<=\*)\.csv$", ".[cC][sS][vV]", str(pattern.relative_to(pattern.anchor)))
+        files = _visible((folder / pattern.anchor).glob(wanted))
+    except (IndexError, OSError, ValueError):  # raised for "", "**a" and what is no path
+        files = []
+    if not files:
+        known = ", ".join(PROFILES)
+        raise ValueError(
+            f"no profile {entry!r}: choose from {known}, or name CSV files, as in pots/*.csv"
+        )
+    return only_profiles(files, minimum_radius)
+
+
+def _visible(paths: Iterable[Path]) -> list[str]:
+    files = (path for path in paths if path.is_file() and not path.name.startswith("."))
+    return sorted(str(path.resolve()) for path in files)

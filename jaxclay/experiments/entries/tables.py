@@ -1,25 +1,102 @@
-"""What an experiment file holds, key by key, and what each value may be."""
+"""What an experiment file holds, key by key, and what each value may be; scenes apart."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
-from jaxclay.experiments.contestants import check_contestant, takes_splines
+from jaxclay.experiments.contestants import checked_contestant, takes_splines
 from jaxclay.experiments.entries import scenes as pieces
-from jaxclay.experiments.entries.lines import MistakeAt
 from jaxclay.experiments.entries.scenes import ScenesTable, Some, Table
-from jaxclay.experiments.entries.settings import checked_settings
-from jaxclay.experiments.entries.sizes import DiscretisationTable, Scheme
-from jaxclay.experiments.entries.values import Values, numbers, whole_numbers
+from jaxclay.experiments.entries.values import (
+    MistakeAt,
+    Place,
+    Values,
+    checked_settings,
+    numbers,
+    whole_numbers,
+)
 from jaxclay.experiments.peers import PEERS
 from jaxclay.methods import METHODS
 
+Scheme = Literal["paper", "slices", "spline"]
+_TAKES = {
+    "paper": ("slices",),
+    "slices": ("slices", "spacing", "tolerance"),
+    "spline": ("elements", "degree"),
+}
+_SIZES = ("slices", "elements", "tolerance")
 _NONE = Values(())
 _SHORT = ("slices", "elements", "tolerances")
 _OF_TIMING = {"repeats", "call", "budget", "first_answers", "precisions", "stops"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Discretisation:
+    """A scheme and how fine; the numbers that do not belong to it are 0, the words empty."""
+
+    scheme: str
+    spacing: str = ""
+    degree: int = 0
+    slices: int = 0
+    elements: int = 0
+    tolerance: float = 0.0
+
+    @property
+    def placed(self) -> bool:
+        """Whether solves before it decide where its slices are, so that it is no single problem."""
+        return self.spacing == "placed"
+
+    def described(self) -> str:
+        """In a few words."""
+        if self.scheme == "spline":
+            return f"{self.elements} spans of degree {self.degree}"
+        kind = f"{self.spacing} slices" if self.spacing else "slices"
+        return f"{kind} to {self.tolerance:g}" if self.tolerance else f"{self.slices} {kind}"
+
+
+class DiscretisationTable(Table):
+    """A scheme, and how fine: ``slices``, ``elements`` or a ``tolerance``."""
+
+    scheme: Scheme
+    spacing: Literal["placed", "equal"] | None = None  # "slices": "equal" on each side of the band
+    slices: whole_numbers(8, 4096) | None = None  # type: ignore[valid-type]
+    degree: whole_numbers(3, 5) = Values((5,))  # type: ignore[valid-type]  # of splines
+    # Spans of splines on each side of the band.
+    elements: whole_numbers(1, 1024) | None = None  # type: ignore[valid-type]
+    # Of the contour over l, on as many placed slices as that needs.
+    tolerance: numbers(1e-9, 0.1) | None = None  # type: ignore[valid-type]
+
+    @model_validator(mode="after")
+    def _checked(self) -> DiscretisationTable:
+        allowed = _TAKES[self.scheme]
+        for name in sorted(self.model_fields_set - {"scheme", *allowed}):
+            takes = f'scheme "{self.scheme}" takes {", ".join(allowed)}'
+            raise MistakeAt(f"{takes}, not {name}", name)
+        sizes = [name for name in _SIZES if name in allowed]
+        if sum(getattr(self, name) is not None for name in sizes) != 1:
+            raise ValueError(f'scheme "{self.scheme}" needs {" or ".join(sizes)}, one of them')
+        if self.tolerance is not None and self.spacing == "equal":
+            raise MistakeAt("a tolerance places its slices: leave spacing out", "spacing")
+        return self
+
+    def taken_by(self, method: str) -> bool:
+        """Whether the method or the peer knows the scheme; peers take a problem that is posed."""
+        if self.scheme == "spline":
+            return takes_splines(method)
+        return method not in PEERS or self.slices is not None
+
+    def sizes(self) -> Iterator[Discretisation]:
+        """One discretisation for each number, coarse before fine."""
+        spacing = self.spacing or ("placed" if self.scheme == "slices" else "")
+        for degree in map(int, self.degree.fixed() if self.scheme == "spline" else [0]):
+            for name in _SIZES:
+                for size in (getattr(self, name) or _NONE).fixed():
+                    fine: Any = {name: size}
+                    yield Discretisation(self.scheme, spacing, degree, **fine)
 
 
 class MethodTable(Table):
@@ -30,16 +107,10 @@ class MethodTable(Table):
     ended, for the chart of energy against time.
     """
 
-    name: str
+    name: Annotated[str, AfterValidator(checked_contestant)]
     schemes: Some[Scheme] | None = None
     settings: dict[str, numbers(0.0)] = Field(default={})  # type: ignore[valid-type]
     stops: whole_numbers(1, 1_000_000) | None = None  # type: ignore[valid-type]
-
-    @field_validator("name")
-    @classmethod
-    def _known(cls, name: str) -> str:
-        check_contestant(name)
-        return name
 
     @field_validator("settings")
     @classmethod
@@ -50,12 +121,11 @@ class MethodTable(Table):
     @model_validator(mode="after")
     def _checked(self) -> MethodTable:
         if self.stops and any(len(values.entries) > 1 for values in self.settings.values()):
-            message = "beside several settings: take a table of [[methods]] for each"
-            raise MistakeAt(("stops",), message)
+            apart = "beside several settings: take a table of [[methods]] for each"
+            raise MistakeAt(apart, "stops")
         if "spline" in (self.schemes or ()) and not takes_splines(self.name):
             able = ", ".join(name for name in (*METHODS, *PEERS) if takes_splines(name))
-            message = f'{self.name} moves nodes: scheme "spline" takes {able}'
-            raise MistakeAt(("schemes",), message)
+            raise MistakeAt(f'{self.name} moves nodes: scheme "spline" takes {able}', "schemes")
         return self
 
 
@@ -113,48 +183,53 @@ class Experiment(Choices):
     tolerances: numbers(1e-9, 0.1) = _NONE  # type: ignore[valid-type]
     agree: AgreeTable = AgreeTable()
 
+    @property
+    def scene_tables(self) -> list[ScenesTable]:
+        """Those of the whole and of its parts."""
+        return [table for one in (self, *(self.parts or ())) for table in one.scenes or ()]
+
     @model_validator(mode="after")
     def _checked(self) -> Experiment:
         for name in ("scenes", "methods"):
             parts = self.parts or [PartTable()]
             if getattr(self, name) is None and any(getattr(part, name) is None for part in parts):
-                raise MistakeAt((name,), "is missing")
+                raise MistakeAt("is missing", name)
         if self.discretisations is None and self.parts is None:
             self._check_short()
-        elif short := [name for name in _SHORT if name in self.model_fields_set]:
-            raise MistakeAt((short[0],), "beside discretisations or parts: name them there")
+        for name in _SHORT if self.discretisations or self.parts else ():
+            if name in self.model_fields_set:
+                raise MistakeAt("beside discretisations or parts: name them there", name)
         if self.kind == "throughput":
-            self._check_throughput()
+            self._check_throughput((), self)
+            for i, part in enumerate(self.parts or ()):
+                self._check_throughput(("parts", i), part)
         return self
 
     def _check_short(self) -> None:
         """Each key of the shorter way needs a method that takes it."""
-        schemes = [(j, m.name, m.schemes or ()) for j, m in enumerate(self.methods or ())]
-        splines = [j for j, _, named in schemes if "spline" in named]
+        methods = [(method.name, method.schemes or ()) for method in self.methods or ()]
+        splines = [j for j, (_, schemes) in enumerate(methods) if "spline" in schemes]
         if splines and not self.elements.entries:
-            message = 'scheme "spline" without elements: give elements = [8]'
-            raise MistakeAt(("methods", splines[0], "schemes"), message)
+            without = 'scheme "spline" without elements: give elements = [8]'
+            raise MistakeAt(without, "methods", splines[0], "schemes")
         if self.elements.entries and not splines:
-            message = 'without a method of scheme "spline": nothing takes them'
-            raise MistakeAt(("elements",), message)
-        able = any(name == "newton" and "slices" in named for _, name, named in schemes)
+            raise MistakeAt('without a method of scheme "spline": nothing takes them', "elements")
+        able = any(name == "newton" and "slices" in schemes for name, schemes in methods)
         if self.tolerances.entries and not able:
-            message = 'belong to newton with schemes = ["slices"]: nothing else takes them'
-            raise MistakeAt(("tolerances",), message)
+            only = 'belong to newton with schemes = ["slices"]: nothing else takes them'
+            raise MistakeAt(only, "tolerances")
 
-    def _check_throughput(self) -> None:
+    @staticmethod
+    def _check_throughput(place: Place, whole: Choices) -> None:
         """What only a timing run can do."""
         message = 'belongs to kind = "timing": throughput runs each task once, beside others'
-        tables = [((), self)]
-        tables += [(("parts", i), part) for i, part in enumerate(self.parts or ())]
-        for place, whole in [*tables]:
-            methods = enumerate(whole.methods or ())
-            tables += [((*place, "methods", j), method) for j, method in methods]
-        for place, table in tables:
+        methods = [((*place, "methods", j), method) for j, method in enumerate(whole.methods or ())]
+        for at, table in [(place, whole), *methods]:
             for name in sorted(table.model_fields_set & _OF_TIMING):
-                raise MistakeAt((*place, name), message)
-            if isinstance(table, MethodTable) and table.name in PEERS:
-                raise MistakeAt((*place, "name"), f"{table.name} is a peer: it {message}")
+                raise MistakeAt(message, *at, name)
+        for at, method in methods:
+            if method.name in PEERS:
+                raise MistakeAt(f"{method.name} is a peer: it {message}", *at, "name")
 
     def shorter(self, method: str) -> Iterator[DiscretisationTable]:
         """The discretisations that slices, elements and tolerances stand for."""

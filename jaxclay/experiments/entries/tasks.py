@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
-import hashlib
-import importlib.metadata
 import itertools
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import Any
 
-import jax
-
 from jaxclay.experiments.contestants import contestant
-from jaxclay.experiments.entries.settings import all_settings, combinations, static_settings
-from jaxclay.experiments.entries.sizes import Discretisation, DiscretisationTable
 from jaxclay.experiments.entries.specification import Specification, hashed, specifications
-from jaxclay.experiments.entries.tables import Experiment, MethodTable, PartTable
+from jaxclay.experiments.entries.tables import (
+    Discretisation,
+    DiscretisationTable,
+    Experiment,
+    MethodTable,
+    PartTable,
+)
+from jaxclay.experiments.entries.values import all_settings, combinations, static_settings
+from jaxclay.experiments.machine import identity, versions
 from jaxclay.experiments.peers import PEERS
 
 _CONTINUUM = 1024  # placed slices of the answers that stand for the continuum
-_PACKAGES = ("jax", "jaxlib", "jaxopt", "optax", "numpy")  # on which answers depend
-_NOT_SOLVING = ("charts", "packaged", "command.py", "options.py", "report.py", "agree.py",
-                "progress.py", "results.py", "summary.py", "store.py")  # fmt: skip
 Settings = tuple[tuple[str, float], ...]
 
 
@@ -84,36 +81,6 @@ def _short(value: float) -> str:
     return f"{value:g}" if float(f"{value:g}") == value else repr(value)
 
 
-@functools.cache
-def identity() -> dict[str, str]:
-    """What solves, and on what: results of different ones are different results."""
-    first = jax.devices()[0]
-    kind = "" if first.device_kind == first.platform else f" {first.device_kind}"
-    return {"code": _code(), "device": f"{first.platform}{kind}", **versions(_PACKAGES)}
-
-
-def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Of packages, "none" of one that is not installed."""
-    installed = {}
-    for name in packages:
-        installed[name] = "none"
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            installed[name] = importlib.metadata.version(name)
-    return installed
-
-
-def _code() -> str:
-    """A hash of the package's modules that solve."""
-    package = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for room in ("numerics", "clay", "model", "schemes", "methods", "solve", "experiments"):
-        for path in sorted((package / room).rglob("*.py")):
-            within = path.relative_to(package / room)
-            if room != "experiments" or within.parts[0] not in _NOT_SOLVING:
-                digest.update(f"{room}/{within}".encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 def tasks(experiment: Experiment, threads: int = 1) -> list[Task]:
     """Every task of the experiment once, those of one shape together, coarse before fine."""
     found: dict[str, Task] = {}
@@ -127,16 +94,17 @@ def _of_part(experiment: Experiment, part: PartTable, threads: int) -> Iterator[
     tried = [(method, list(_sizes(experiment, part, method))) for method in part.methods or ()]
     every = specifications(part.scenes or [], experiment.seed)
     chosen = [specification for each in every for specification in each[: part.first]]
-    if part.continuum is None:
+    continuum = part.continuum
+    if continuum is None:
         bent = any(size.scheme == "spline" or size.placed for _, sizes in tried for size in sizes)
-        part = part.model_copy(update={"continuum": _CONTINUUM if bent else 0})
+        continuum = _CONTINUUM if bent else 0
     common: dict[str, Any] = {
         "kind": experiment.kind,
         "repeats": experiment.repeats if experiment.kind == "timing" else 1,
         "call": experiment.call,
         "budget": part.budget or 0.0,
         "first": part.first_answers,
-        "continuum": part.continuum,
+        "continuum": continuum,
         "threads": threads,
     }
     for specification, (method, sizes) in itertools.product(chosen, tried):

@@ -14,11 +14,18 @@ import jax
 import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 
+from jaxclay.experiments.contestants import Ready
+from jaxclay.solve.solution import Solution, Status
+
+OUT_OF_TIME = "out of time"
 _LONG = 0.05  # seconds: a run longer than that is made twice only
 _VERY_LONG = 0.15  # seconds: and longer than that, once
 _ENOUGH = 0.02  # seconds of repeats that short runs get
 _MOST_REPEATS = 25
 _MOST_COMPILING = 5  # calls in which JAX may compile before one is taken as it is
+_FIRST = 64  # iterations of which the first speed within a budget is taken
+_MOST_GROWTH = 16.0  # of the iterations from one run within a budget to the next
+_NEARLY = 0.9  # of its time: a run that took that much had all of it
 _NONE = np.zeros(0)
 
 
@@ -42,6 +49,7 @@ class Times(NamedTuple):
 
 _spent = [0.0]  # seconds that JAX says it has compiled for in this process
 _compiling: dict[Hashable, float] = {}  # seconds by program
+_speeds: dict[Hashable, float] = {}  # iterations in a second, by program
 
 
 def _add(event: str, duration_secs: float, **_: Any) -> None:
@@ -105,10 +113,36 @@ def timed(program: Hashable, call: Callable[[], Any], repeats: int) -> tuple[Any
     more = int(np.clip(_ENOUGH / max(seconds, 1e-9), repeats, max(repeats, _MOST_REPEATS)))
     count = more if seconds < _LONG else 2 if seconds < _VERY_LONG else 1
     taken = [seconds, *(compiled(program, call)[1] for _ in range(count - 1))]
-    middle, compiling = float(np.median(taken)), compile_s(program)
-    return answer, Times(middle, min(taken), max(taken), compiling, repeats=count, batch=1)
+    return answer, _times(program, taken)
 
 
-def compile_s(program: Hashable) -> float:
-    """Seconds that compiling a program, or setting a peer up, took in this process, if known."""
-    return _compiling.get(program, np.nan)
+def _times(program: Hashable, taken: list[float]) -> Times:
+    compiling = _compiling.get(program, np.nan)  # or setting a peer up, if known
+    middle = float(np.median(taken))
+    return Times(middle, min(taken), max(taken), compiling, repeats=len(taken), batch=1)
+
+
+def within_budget(
+    program: Hashable, ready: Callable[[dict[str, Any]], Ready], seconds: float, most: float
+) -> tuple[Solution, Times, bool]:
+    """The best answer within so many seconds, its times, and whether its time ended it.
+
+    A solve is one compiled call that nothing interrupts.  So it is given iterations instead of
+    seconds: as many as fit into them at the speed of the last one, and more, afresh, if it comes
+    to its limit early; ``most`` are allowed whatever the time.
+    """
+    if program not in _speeds:
+        compiled(program, ready({"max_iterations": 1}).call)
+        _speeds[program] = _FIRST / seconds
+    limit = max(int(_speeds[program] * seconds), 1)
+    while True:
+        limit = int(min(limit, most))
+        now = ready({"max_iterations": limit})
+        outcome, taken = compiled(program, now.call)
+        answer = now.certified(outcome)
+        _speeds[program] = max(int(answer.iterations), 1) / taken
+        ended = answer.iterations < limit or limit == most
+        if ended or taken >= _NEARLY * seconds:
+            late = not ended and answer.status is Status.ITERATION_LIMIT
+            return answer, _times(program, [taken]), late
+        limit = int(limit * np.clip(seconds / taken, 1.2, _MOST_GROWTH)) + 1

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from typing import Any
 
 from jaxclay.clay.clay import Clay
 from jaxclay.clay.contour import contour_error
-from jaxclay.experiments.entries.sizes import Discretisation
 from jaxclay.experiments.entries.specification import Specification
+from jaxclay.experiments.entries.tables import Discretisation
 from jaxclay.experiments.entries.tasks import Task
-from jaxclay.experiments.solving.batched import minimized
 from jaxclay.experiments.solving.clock import compiled
 from jaxclay.methods.lbfgs import has_jaxopt
 from jaxclay.model.material import Material
 from jaxclay.model.squash import Squash, check_fits
 from jaxclay.numerics.checks import REFUSALS
 from jaxclay.schemes.posing import pose
+from jaxclay.solve.batch import minimize_batch
 from jaxclay.solve.minimize import deform, minimize
 from jaxclay.solve.solution import Solution
 
@@ -62,7 +62,7 @@ def certified_minima(problems: list[Any], method: str) -> list[Solution | None]:
     other = reference_method(method)
     if not problems or not _has(problems[0], other):
         return [None] * len(problems)
-    return [_accepted(one) for one in minimized(problems, other, [{}] * len(problems))]
+    return [_accepted(one) for one in minimize_batch(problems, method=other)]
 
 
 def certified_minimum(task: Task, answer: Solution) -> Solution | None:
@@ -104,26 +104,17 @@ def whole(specification: Specification, slices: int = _FINE) -> tuple[Clay, Squa
     Raises ValueError, Hindrance: Why an earlier squash could not be solved; a squash above the
     clay.
     """
-    scene = specification.scene()
-    clay, material = scene.clay(slices), scene.material(specification.units)
-    for squash in scene.squashes[:-1]:
-        clay = deform(clay, squash, material).raise_for_status().clay
-    check_fits(scene.squashes[-1], clay)
-    return clay, scene.squashes[-1], material
-
-
-class Continuum(NamedTuple):
-    """The contour that stands for the continuum's minimum, and about how far it is off, over l."""
-
-    clay: Clay
-    error: float
+    *_, (clay, squash, material) = specification.scene().stages(specification.units, slices)
+    check_fits(squash, clay)
+    return clay, squash, material
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def continuum(specification: Specification, slices: int) -> Continuum | None:
-    """Newton's answer on placed slices; None if it is not certified.
+def continuum(specification: Specification, slices: int) -> tuple[Clay, float] | None:
+    """Newton's answer on placed slices, for the continuum, and about how far it is off, over l.
 
-    Of second order: its error is about a third of the way from the answer on half as many.
+    None if it is not certified.  Of second order: its error is about a third of the way from the
+    answer on half as many.
     """
     try:
         piece = whole(specification, slices)
@@ -132,4 +123,4 @@ def continuum(specification: Specification, slices: int) -> Continuum | None:
         return None
     if _accepted(half) is None or _accepted(full) is None:
         return None
-    return Continuum(full.clay, contour_error(half.clay, full.clay) / 3)
+    return full.clay, contour_error(half.clay, full.clay) / 3

@@ -1,4 +1,4 @@
-"""The whole of a population in one picture: error against time and against unknowns."""
+"""The whole of a population in one picture: speed against accuracy, and who fails where."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxclay.experiments.charts.layout import Chart, even_ticks, legend
-from jaxclay.experiments.charts.panels import CONTOUR
-from jaxclay.experiments.charts.series import default_rows, style
-from jaxclay.experiments.charts.statistics import HIGH, LOW, bands, exponent
-from jaxclay.experiments.frames import groups, records, select
+from jaxclay.experiments.charts.panels import CONTOUR, HIGH, LOW, bands, exponent, shade
+from jaxclay.experiments.charts.shared import (
+    Chart,
+    cells,
+    default_rows,
+    grid,
+    legend,
+    log_axes,
+    style,
+)
+from jaxclay.experiments.results import groups, records, select
 from jaxclay.files.plots import COLOURS
 
 GOOD = 3e-5  # largest error of answers to measure errors from, over l
@@ -34,6 +41,15 @@ _WAYS = {
     ("spline", 4): ("splines of degree 4", {"color": _PINK, "marker": "D"}),
     ("spline", 5): ("splines of degree 5", {"color": _BLUE, "marker": "s"}),
 }  # fmt: skip
+# Light is solved; the same to colour-blind eyes.
+_LOOK: dict[str, Any] = {"cmap": colormaps["cividis"].resampled(10), "vmin": 0, "vmax": 1}
+_UNTRIED = "#dddddd"
+_NEAR = 1e-4  # gap over E_free up to which an answer counts as one
+_ENOUGH = 60  # scenes from which their constants can be binned
+_A_BIN = 15  # scenes in each, about
+_MOST_BINS = 8
+_FEWEST = 2  # of a bin that gets a colour
+_MOST_SCENES = 14
 
 
 def accuracy_charts(rows: pd.DataFrame) -> Iterator[Chart]:
@@ -79,13 +95,11 @@ def speed_and_accuracy(known: pd.DataFrame) -> Figure:
     _others(left, select(known, ~newton))
     _first_answers(left, select(known, known.first_s.notna()))
     left.set(xlabel="time of the whole call, ms", ylabel="contour error over the height l")
-    left.set_title("speed: down and left is better", fontsize=10)
     right.set(xlabel="unknowns")
-    right.set_title("unknowns", fontsize=10)
-    for ax in (left, right):
-        ax.set(xscale="log", yscale="log")
+    for ax, title in ((left, "speed: down and left is better"), (right, "unknowns")):
+        ax.set_title(title, fontsize=10)
         ax.grid(True, which="major", alpha=0.25, linewidth=0.6)
-        even_ticks(ax.xaxis, ax.yaxis)
+        log_axes(ax)
     legend(figure, frameon=False)
     return figure
 
@@ -98,11 +112,10 @@ def _by_newton(ax: Axes, known: pd.DataFrame, x: str) -> None:
         shown: dict[str, Any] = {"markersize": 5, "linewidth": 1.5} | look
         ax.plot(line[x], line.error, label=label, **shown)
         if way[0] in ("paper", "placed"):
-            look = {"color": look["color"]}
-            ax.fill_between(line[x], line.low, line.high, alpha=0.15, linewidth=0, **look)
+            shade(ax, line[x], line, look)
             for point in records(line) if x == "ms" else ():
-                ax.annotate(f"{point.size_of:.0f}", (point.ms, point.error), (4, 4),
-                            textcoords="offset points", fontsize=7.5, **look)  # fmt: skip
+                ax.annotate(f"{point.size_of:.0f}", (point.ms, point.error), (4, 4), fontsize=7.5,
+                            color=look["color"], textcoords="offset points")  # fmt: skip
         if way[0] == "paper":
             _beyond(ax, line, x)
 
@@ -111,11 +124,9 @@ def _beyond(ax: Axes, line: pd.DataFrame, x: str) -> None:
     """The paper's scheme where no grid was solved: dashed, by the order of its medians."""
     fine = select(line, line.size_of >= _FINE)
     fine = fine if len(fine) >= 3 else line
-    if len(fine) < 3:
-        return
     last = line.iloc[-1]
     p, q = exponent(fine.size_of, fine.error), exponent(fine.size_of, fine[x])
-    if p >= 0:
+    if len(fine) < 3 or p >= 0:
         return
     n = np.geomspace(1.0, (_LOWEST / last.error) ** (1 / p), 2)
     look: dict[str, Any] = {"color": _RED, "linestyle": (0, (4, 3)), "linewidth": 1.2}
@@ -142,3 +153,81 @@ def _first_answers(ax: Axes, known: pd.DataFrame) -> None:
             [point.first_ms], [point.error], linestyle="none", marker="*", markersize=11,
             color=colour, markerfacecolor="white", label="first answer of a process", zorder=4,
         )  # fmt: skip
+
+
+def failure_charts(rows: pd.DataFrame) -> Iterator[Chart]:
+    """How much was solved, by scene and, where there are many, by the constants of the clay."""
+    near = (rows.status == "converged") | (rows.gap_relative.abs() <= _NEAR)
+    rows = rows.assign(solved=near.where(rows.status != "skipped").astype(float))
+    yield (
+        "failures",
+        "Failures, dark: the share of tasks that were solved, by method and scene, in the units of "
+        "alpha and beta named. Solved is what the certificate accepts, or what lies within "
+        f"{_NEAR:g} of E_free of a certified minimum. Numbers are tasks solved of those tried.",
+        _by_scene(rows),
+    )
+    many = rows.assign(friction=rows.mu / rows.k)
+    many = select(many, (many.squashes > 0) & (many.friction > 0) & (many.beta > 0))
+    spread = all(many[name].nunique() > _MOST_BINS for name in ("friction", "beta"))
+    if many.specification.nunique() >= _ENOUGH and spread:
+        yield (
+            "failures-materials",
+            "Failures among random scenes, dark: the share solved, as above, by friction mu/k and "
+            f"bending beta, in the units named; grey where there are fewer than {_FEWEST}.",
+            _by_material(many),
+        )
+
+
+def _by_scene(rows: pd.DataFrame) -> Figure:
+    """A line for each scene in its units, a column for each method."""
+    shown = [*dict.fromkeys(rows.scene)][:_MOST_SCENES]
+    place = rows.scene.where(rows.scene.isin(shown), "others") + ", " + rows.units
+    found = rows.assign(place=place).groupby(["place", "series"]).solved.agg(["sum", "count"])
+    good, tried = found["sum"].unstack(), found["count"].unstack()
+    lines = sorted(good.index, key=lambda name: (name.startswith("others, "), name))
+    good, tried = good.loc[lines], tried.loc[lines]
+    share = (good / tried).to_numpy()
+    height, width = share.shape
+    figure, ax = plt.subplots(
+        figsize=(max(6.0, 1.05 * width + 3.2), 0.29 * height + 1.5), layout="constrained"
+    )
+    ax.set_facecolor(_UNTRIED)
+    image = cells(ax, share, linewidth=1.5, **_LOOK)
+    for y, x in zip(*np.nonzero(tried.notna().to_numpy()), strict=True):
+        count = tried.iat[y, x]
+        text = f"{good.iat[y, x]:.0f}/{count:.0f}" if count else "skipped"
+        ax.text(x, y, text, ha="center", va="center", fontsize=9,
+                color="white" if share[y, x] < 0.6 else "black")  # fmt: skip
+    names = [who.replace("-", "-\n").replace(" ", "\n").replace("=", "=\n") for who in good]
+    ax.set_xticks(range(width), names, fontsize=9)
+    ax.set_yticks(range(height), lines, fontsize=9)
+    ax.invert_yaxis()
+    ax.xaxis.tick_top()
+    figure.colorbar(image, ax=ax, label="share solved", aspect=30)
+    return figure
+
+
+def _by_material(rows: pd.DataFrame) -> Figure:
+    """A panel for each method in each of the units."""
+    parts = list(groups(rows, ["units", "series"]))
+    figure, axes = grid(len(parts), 4, 3.0, 2.9, sharex=True, sharey=True)
+    bins = int(np.clip(np.sqrt(len(rows) / len(parts) / _A_BIN), 3, _MOST_BINS))
+    edges = [
+        np.geomspace(rows[name].min() * 0.999, rows[name].max() * 1.001, bins + 1)
+        for name in ("friction", "beta")
+    ]
+    image: Any = None
+    for ax, ((units, who), part) in zip(axes, parts, strict=True):
+        tried = select(part, part.solved.notna())
+        where = tried.friction, tried.beta
+        count, *_ = np.histogram2d(*where, bins=edges)
+        good, *_ = np.histogram2d(*where, bins=edges, weights=tried.solved)
+        share = np.divide(good, count, out=np.full_like(good, np.nan), where=count >= _FEWEST)
+        image = ax.pcolormesh(*edges, share.T, **_LOOK)
+        image.set(edgecolor="face", linewidth=0.4)  # without it viewers of SVG show seams
+        log_axes(ax, facecolor=_UNTRIED)
+        ax.set_title(f"{who}\n{units} units", fontsize=9)
+    figure.supxlabel("friction mu/k", fontsize=10)
+    figure.supylabel("bending beta", fontsize=10)
+    figure.colorbar(image, ax=axes, label="share solved", shrink=0.8)
+    return figure
