@@ -13,10 +13,10 @@ import traceback
 import types
 
 from jaxclay.cli.deform import add_to as add_deform
+from jaxclay.cli.experiments.options import add_to as add_experiments
 from jaxclay.cli.squashes import joined
 from jaxclay.cli.starting import INTERRUPTED
 from jaxclay.cli.studio import add_to as add_studio
-from jaxclay.experiments.options import add_to as add_experiments
 from jaxclay.files.output import open_streams, patient_output
 from jaxclay.numerics.checks import Hindrance
 from jaxclay.numerics.compilations import keep_compilations

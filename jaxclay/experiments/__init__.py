@@ -8,8 +8,8 @@
 ``entries``: what a file may say, and the tasks that it asks for.  ``solving``: a task to a row, by
 one clock.  ``contestants``: methods, and ``peers`` from outside, behind one call.  ``engine``,
 ``backends``, ``store``, ``machine``: where tasks run and results are kept.  ``charts``,
-``summary``, ``report``: what is read.  ``scenes``: the named ones.  ``editing``, ``command``,
-``options``, ``progress``: the commands.
+``summary``, ``report``: what is read.  ``scenes``: the named ones.  ``agree``:
+a verdict on rows.  The commands are in ``cli``.
 
 It may import every room but ``cli``; pandas, pyarrow, rich, pydantic and dask late.
 """

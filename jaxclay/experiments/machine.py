@@ -26,8 +26,9 @@ KEPT_SETTINGS = (
 )
 _PACKAGES = ("jax", "jaxlib", "jaxopt", "optax", "numpy")  # on which answers depend
 _ROOMS = ("numerics", "clay", "model", "schemes", "methods", "solve", "experiments")
-_NOT_SOLVING = ("charts", "packaged", "command.py", "options.py", "report.py", "agree.py",
-                "progress.py", "results.py", "summary.py", "store.py")  # fmt: skip
+_NOT_SOLVING = (
+    "charts", "packaged", "report.py", "agree.py", "results.py", "summary.py", "store.py",
+)  # fmt: skip
 _POOL = "tf_XLAEigen"  # how the threads of XLA's pool on a CPU are named
 
 

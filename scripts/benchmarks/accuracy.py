@@ -17,11 +17,11 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxclay
+from jaxclay.cli.experiments.command import carry_out
+from jaxclay.cli.experiments.editing import edited as edited_experiment
 from jaxclay.experiments import load
 from jaxclay.experiments.charts.population import GOOD, points, speed_and_accuracy
 from jaxclay.experiments.charts.shared import prepared
-from jaxclay.experiments.command import carry_out
-from jaxclay.experiments.editing import edited as edited_experiment
 from jaxclay.experiments.engine import tasks_of
 from jaxclay.experiments.entries.reading import Edited, raw_experiment
 from jaxclay.experiments.results import number, records

@@ -51,7 +51,7 @@ def small(name):
 @pytest.fixture
 def commands(tmp_path, whole, experiment, monkeypatch):
     """Each command and the file that must be there when it has ended."""
-    monkeypatch.setattr("jaxclay.experiments.editing.raw_experiment", small)
+    monkeypatch.setattr("jaxclay.cli.experiments.editing.raw_experiment", small)
     swept, out, shape = tmp_path / "swept", tmp_path / "out", tmp_path / "shape.csv"
     shutil.copytree(whole, swept)
     (tmp_path / "agree.toml").write_text(AGREE)
@@ -118,7 +118,7 @@ def test_deform_names_any_file_on_an_ascii_terminal(tmp_path):
 
 
 def test_compare_names_any_profile_on_an_ascii_terminal(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxclay.experiments.editing.raw_experiment", small)
+    monkeypatch.setattr("jaxclay.cli.experiments.editing.raw_experiment", small)
     folder, out = tmp_path / "profiles", tmp_path / "out"
     folder.mkdir()
     (folder / "Gefäß.csv").write_text(BOTTLE)

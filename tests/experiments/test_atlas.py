@@ -14,10 +14,10 @@ pd = pytest.importorskip("pandas")
 pytest.importorskip("pydantic")
 pytest.importorskip("matplotlib").use("Agg")
 
+from jaxclay.cli.experiments.editing import atlas  # noqa: E402
 from jaxclay.experiments import load, run  # noqa: E402
 from jaxclay.experiments.charts.maps import mark_maps  # noqa: E402
 from jaxclay.experiments.charts.shared import Mark, mark_of, marked, prepared  # noqa: E402
-from jaxclay.experiments.editing import atlas  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
 
 METHODS = ["newton", "greedy", "greedy-refined"]
@@ -39,6 +39,7 @@ def mapped(tmp_path_factory):
     return base / "out", table.assign(moved=table.band_height * (1 - table.band_ratio**2))
 
 
+@pytest.mark.slow
 def test_every_cell_has_a_mark_for_every_method(mapped):
     table = mapped[1]
     assert len(table) == (3 * 4 + 3 * 4 + 2 * 2 + 2) * len(METHODS)
@@ -46,6 +47,7 @@ def test_every_cell_has_a_mark_for_every_method(mapped):
     assert (table.budget == SECONDS).all()
 
 
+@pytest.mark.slow
 def test_newton_solves_what_can_be_posed(mapped):
     rows = mapped[1]
     rows = rows[(rows.method == "newton") & (rows.precision == "float64")]
@@ -53,6 +55,7 @@ def test_newton_solves_what_can_be_posed(mapped):
         assert row.mark == ("refused" if row.moved > 0.58 else "solved")
 
 
+@pytest.mark.slow
 def test_a_squash_that_imposes_no_radius_is_refused_with_the_reason(mapped):
     table = mapped[1]
     refused = table[(table.moved > 0.58)]
@@ -61,6 +64,7 @@ def test_a_squash_that_imposes_no_radius_is_refused_with_the_reason(mapped):
     assert refused.reason.str.contains("imposes no radius: use at least").all()
 
 
+@pytest.mark.slow
 def test_greedy_is_stalled_and_its_gap_is_what_the_library_says(mapped):
     rows = mapped[1]
     rows = rows[(rows.method == "greedy") & np.isclose(rows.moved, 0.1) & (rows.mu == 1)]
@@ -74,6 +78,7 @@ def test_greedy_is_stalled_and_its_gap_is_what_the_library_says(mapped):
     np.testing.assert_allclose(row.gap_relative, gap, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_is_out_of_time_has_had_all_of_it(mapped):
     table = mapped[1]
     late = table[table.status == "out of time"]
@@ -82,6 +87,7 @@ def test_what_is_out_of_time_has_had_all_of_it(mapped):
     assert set(late.mark) == {"out of time"}
 
 
+@pytest.mark.slow
 def test_float32_is_certified_in_float64_and_its_rounding_is_kept(mapped):
     rows = mapped[1]
     rows = rows[(rows.precision == "float32") & (rows.method == "greedy")]
@@ -94,6 +100,7 @@ def test_float32_is_certified_in_float64_and_its_rounding_is_kept(mapped):
     assert rows.single_energy.notna().all()
 
 
+@pytest.mark.slow
 def test_the_report_needs_no_network_and_shows_every_map(mapped):
     folder, table = mapped
     page = (folder / "report.html").read_text(encoding="utf-8")
@@ -160,6 +167,7 @@ discretisations = [{ scheme = "paper", slices = [32, 48, 64] }]
 """
 
 
+@pytest.mark.slow
 def test_a_late_method_is_not_tried_on_finer_grids_but_newton_is(tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(LATE)

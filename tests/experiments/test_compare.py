@@ -18,7 +18,7 @@ pd = pytest.importorskip("pandas")
 pytest.importorskip("pydantic")
 pytest.importorskip("matplotlib").use("Agg")
 
-from jaxclay.experiments.editing import comparison  # noqa: E402
+from jaxclay.cli.experiments.editing import comparison  # noqa: E402
 from jaxclay.experiments.entries.scenes import files_of  # noqa: E402
 from jaxclay.experiments.entries.tasks import tasks  # noqa: E402
 

@@ -97,6 +97,7 @@ def everything(tmp_path_factory):
     return run(folder / "everything.toml", folder / "out"), folder
 
 
+@pytest.mark.slow
 def test_all_entries_at_once_give_their_rows(everything):
     table, _ = everything
     assert (
@@ -125,6 +126,7 @@ def test_all_entries_at_once_give_their_rows(everything):
     assert drawn.radius.between(0.4, 0.6).all()
 
 
+@pytest.mark.slow
 def test_they_make_one_report_and_curves(everything):
     _, folder = everything
     assert main(["report", str(folder / "out"), "--out", str(folder / "report")]) == 0
@@ -138,6 +140,7 @@ def test_they_make_one_report_and_curves(everything):
     assert np.isfinite(curves.before_radius.values).any()
 
 
+@pytest.mark.slow
 def test_they_run_on_where_they_were(everything):
     table, folder = everything
     again = run(folder / "everything.toml", folder / "out")
@@ -159,6 +162,7 @@ def test_a_budget_ends_a_solve_that_would_go_on(tmp_path):
     assert 0 < late.iterations < 1_000_000
 
 
+@pytest.mark.slow
 def test_float32_is_what_the_loop_gives_in_float32(everything):
     table, _ = everything
     row = table[(table.precision == "float32") & (table.method == "newton")].iloc[0]

@@ -16,12 +16,12 @@ pytest.importorskip("matplotlib").use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 import jaxclay  # noqa: E402
+from jaxclay.cli.experiments.editing import comparison  # noqa: E402
 from jaxclay.cli.main import main  # noqa: E402
 from jaxclay.experiments import load, run  # noqa: E402
 from jaxclay.experiments.charts.population import failure_charts  # noqa: E402
 from jaxclay.experiments.charts.shared import prepared, told_apart  # noqa: E402
 from jaxclay.experiments.charts.standard import all_charts  # noqa: E402
-from jaxclay.experiments.editing import comparison  # noqa: E402
 from jaxclay.experiments.entries.reading import read_experiment  # noqa: E402
 from jaxclay.experiments.entries.scenes import files_of  # noqa: E402
 from jaxclay.experiments.results import curves  # noqa: E402

@@ -12,7 +12,7 @@ termios = pytest.importorskip("termios")
 
 from sweeps import COUNT  # noqa: E402
 
-from jaxclay.experiments import command  # noqa: E402
+from jaxclay.cli.experiments import command  # noqa: E402
 from jaxclay.experiments.entries.reading import of_file  # noqa: E402
 
 

@@ -54,6 +54,7 @@ def small(raw):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_a_packaged_experiment_is_killed_and_goes_on(name, tmp_path):
     path, out = tmp_path / f"{name}.toml", tmp_path / "out"
     path.write_text(as_toml(small(raw_experiment(name))))

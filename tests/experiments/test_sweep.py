@@ -92,7 +92,7 @@ def test_what_cannot_be_posed_is_skipped_and_says_why(tmp_path, experiment):
 
 
 def test_progress_of_a_quiet_run_has_rate_and_time_left(experiment, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("jaxclay.experiments.progress.EVERY", 0.05)
+    monkeypatch.setattr("jaxclay.cli.experiments.progress.EVERY", 0.05)
     monkeypatch.setattr(engine, "MOST", 12)
     assert main(["sweep", str(experiment), "--out", str(tmp_path), "--quiet"]) == 0
     lines = capsys.readouterr().err.splitlines()
@@ -201,6 +201,7 @@ schemes = ["paper", "spline"]
 """
 
 
+@pytest.mark.slow
 @pytest.mark.slow
 def test_splines_are_measured_from_another_methods_minimum_and_from_the_continuum(tmp_path):
     path = tmp_path / "splines.toml"

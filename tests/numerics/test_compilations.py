@@ -69,12 +69,14 @@ print(most - start)
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="mappings are Linux's")
+@pytest.mark.slow
 def test_functions_of_many_shapes_that_a_program_keeps_do_not_fill_it():
     (most,) = python(HELD)
     assert 100 < int(most) < 450  # without letting go: 740
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="mappings are Linux's")
+@pytest.mark.slow
 def test_many_fresh_closures_do_not_fill_a_process():
     (most,) = python(CLOSURES)
     assert 1500 < int(most) < 5000  # without letting go: 60 closures take 6,000 and more

@@ -61,6 +61,7 @@ def test_published_energy_errors(degree, elements, unknowns, error):
     assert float(solution.energy) - CONTINUUM == pytest.approx(error, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_papers_scheme_tends_to_the_same_energy():
     coarse, fine = (
         jaxclay.deform(jaxclay.Clay.cylinder(slices=n), REFERENCE, PRINTED, scheme="paper")
@@ -119,6 +120,7 @@ def test_a_scene_scaled_by_300_gives_300_times_the_heights_and_the_same_energy()
     )
 
 
+@pytest.mark.slow
 def test_the_answer_follows_the_tool_smoothly():
     """On the paper's scheme d(heights)/d(top) is zero between jumps; here it is right."""
 

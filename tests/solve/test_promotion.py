@@ -46,6 +46,7 @@ def test_whole_squashes_of_a_profile():
     np.testing.assert_allclose(other.heights, answer.heights, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_through_a_minimum():
     def energy(radius):
         squash = Squash(0.35, 0.6, radius)

@@ -83,6 +83,7 @@ def test_many_slices_agree_with_splines_as_printed(name):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_many_slices_agree_with_splines_in_snake_units(name):
     """Layers of 1/64 of the clay need many spans, and many nodes to read them off at."""

@@ -101,11 +101,11 @@ def add_to(commands, interrupt: Interrupt) -> None:
 
 
 def _run(name: str, options: argparse.Namespace, interrupt: Interrupt) -> int:
-    from jaxclay.experiments import command  # first: it says which extra is missing
+    from jaxclay.cli.experiments import command  # first: it says which extra is missing
 
     with refusing(getattr(options, "strict", False)):
         if name == "agree":
-            from jaxclay.experiments.agree import agree
+            from jaxclay.cli.experiments.agree import agree
 
             return agree(options, interrupt)
         return getattr(command, name)(options, interrupt)

@@ -20,8 +20,9 @@ with needing("sweep", "an experiment"):
     import pyarrow  # noqa: F401
     from rich.table import Table
 
-    from jaxclay.experiments import editing, engine
-    from jaxclay.experiments.progress import INTERRUPTED, Interrupt, plain_console, say, watched
+    from jaxclay.cli.experiments import editing
+    from jaxclay.cli.experiments.progress import INTERRUPTED, Interrupt, plain_console, say, watched
+    from jaxclay.experiments import engine
     from jaxclay.experiments.store import Store, keep_experiment
 
 from jaxclay.experiments.engine import Work, in_words
