@@ -6,12 +6,14 @@ on this machine, a core of its own, so that two of them on two cores do not wait
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import itertools
 import os
 import signal
 import uuid
 from collections.abc import Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from jaxclay.experiments.entries.tasks import Task
@@ -42,11 +44,10 @@ def solved(
         from distributed import Client, KilledWorker, as_completed
 
     with contextlib.ExitStack() as stack:
+        if scheduler is not None:
+            _knock(scheduler)
         where: Any = stack.enter_context(local_cluster()) if scheduler is None else scheduler
-        try:
-            client: Any = stack.enter_context(Client(where, timeout=ANSWERS_WITHIN))
-        except ValueError as error:  # such as of an address without a port
-            raise ValueError(f"--scheduler {scheduler}: {error}") from None
+        client: Any = stack.enter_context(Client(where, timeout=ANSWERS_WITHIN))
         running = as_completed()
 
         def submit(count: int) -> None:
@@ -65,6 +66,25 @@ def solved(
                     "script guard what it runs by if __name__ == '__main__'? What had ended is kept"
                 ) from None
             submit(1)
+
+
+def _knock(scheduler: str) -> None:
+    """Raise unless somebody answers at the address.
+
+    Before there is a client: one that fails waits, when it is let go of, for what never comes, in
+    whichever thread that happens.
+    """
+    from distributed.comm.core import connect
+
+    async def knock() -> None:
+        comm = await connect(scheduler, timeout=ANSWERS_WITHIN)
+        await comm.close()
+
+    try:
+        with ThreadPoolExecutor(1) as pool:  # here, as in a notebook, a loop may run already
+            pool.submit(asyncio.run, knock()).result()
+    except ValueError as error:  # such as of an address without a port
+        raise ValueError(f"--scheduler {scheduler}: {error}") from None
 
 
 @contextlib.contextmanager

@@ -11,13 +11,13 @@ import pytest
 
 pytest.importorskip("pandas")
 pytest.importorskip("pydantic")
+tomlkit = pytest.importorskip("tomlkit")
 
-from sweeps import files, wait_for
+from sweeps import files, wait_for  # noqa: E402
 
-from jaxclay.experiments import load, run
-from jaxclay.experiments.engine import tasks_of
-from jaxclay.experiments.entries.reading import (
-    as_toml,
+from jaxclay.experiments import load, run  # noqa: E402
+from jaxclay.experiments.engine import tasks_of  # noqa: E402
+from jaxclay.experiments.entries.reading import (  # noqa: E402
     packaged,
     raw_experiment,
     read_experiment,
@@ -57,7 +57,7 @@ def small(raw):
 @pytest.mark.slow
 def test_a_packaged_experiment_is_killed_and_goes_on(name, tmp_path):
     path, out = tmp_path / f"{name}.toml", tmp_path / "out"
-    path.write_text(as_toml(small(raw_experiment(name))))
+    path.write_text(tomlkit.dumps(small(raw_experiment(name))))
     count = len(tasks_of(read_experiment(path)))
     command = [sys.executable, "-c", COMMAND, "sweep", str(path), "--out", str(out), "--quiet"]
     rng = random.Random(name)

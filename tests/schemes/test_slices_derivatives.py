@@ -98,6 +98,7 @@ def lower_edge(values):
     return place(Clay.cylinder(slices=24), squash, material).band.lower
 
 
+@pytest.mark.slow
 def test_the_band_moves_with_the_tool():
     """Everywhere, also where a place of the search is the band's own."""
     rng = np.random.default_rng(0)
@@ -114,6 +115,7 @@ def test_the_band_moves_with_the_tool():
             np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6, err_msg=str(at))
 
 
+@pytest.mark.slow
 def test_a_band_at_the_end_of_its_range_moves_with_the_tool():
     """Drawing in only from above: the band begins at the clay that was at its lower edge."""
 

@@ -78,6 +78,7 @@ def test_slices_on_the_floor_stay_there():
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_batched_gradients():
     def energy(mu):
         return figures(MATERIAL | BOTTOM | {"mu": mu})[-1]
