@@ -154,6 +154,7 @@ def jupyter(effort: Effort) -> Part:
             cell = page.locator(".jp-CodeCell").first
             cell.wait_for(timeout=120_000)
             page.locator(".jp-Notebook-ExecutionIndicator[data-status=idle]").wait_for()
+            page.wait_for_timeout(2000)  # or the cell is lost where the kernel is not connected yet
             cell.locator(".cm-content").click()
             page.keyboard.press("Shift+Enter")
             page.locator(".jc .pill").get_by_text("ready", exact=True).wait_for(timeout=120_000)

@@ -14,6 +14,7 @@ const THINNEST = 0.02;
 const NUDGE = 0.01;
 const FINEST = 0.001; // of the tool's way, that is told
 const CALM_MS = 160; // without a move: the tool rests
+const READ_MS = 100; // between two readings while the tool moves: laying the page out takes time
 const KEYS_MS = 700; // without an arrow: the stroke of the keyboard is done
 const PATIENCE_MS = 5000;
 const KEPT = "jaxclay-studio-piece";
@@ -674,8 +675,8 @@ class Studio {
   shapeTold(message, points, mine, ms) {
     if (!this.playing) { this.shape = ringsOf(points); this.body.take(this.shape); }
     this.points = points;
-    this.info = message;
-    this.read(message);
+    this.info = this.unread = message;
+    if (message.done) this.read();
     if (ms !== null) this.apart += 0.2 * (clamp(ms - message.solve, 0, 200) - this.apart);
     if (ms !== null) this.root.dispatchEvent(new CustomEvent("jaxclay-shape", { bubbles: true, composed: true,
       detail: { ms, solve: message.solve, type: message.type, certified: message.certified } }));
@@ -683,7 +684,10 @@ class Studio {
     if (mine && message.strokes > 0) this.hint.classList.add("gone");
   }
 
-  read(m) {
+  read() {
+    const m = this.unread;
+    this.unread = null;
+    this.readAt = performance.now();
     this.out.height.textContent = figure(m.height);
     this.out.diameter.textContent = figure(m.diameter);
     this.out.volume.textContent = figure(m.volume, 6);
@@ -976,6 +980,7 @@ class Studio {
     }
     const oldest = this.pending.values().next().value;
     if (oldest !== undefined && now - oldest > PATIENCE_MS) this.late(true);
+    if (this.unread && now - (this.readAt ?? 0) > READ_MS) this.read();
     const step = Math.min(now - (this.before ?? now - 200), 200);
     if (drag && this.layout) this.drawOver();
     if (this.body.software && step < (drag ? 140 : 45)) return; // Python needs the processors too
