@@ -30,6 +30,7 @@ from jaxclay.experiments.solving.references import (
 )
 from jaxclay.methods.choice import method_settings
 from jaxclay.numerics.checks import REFUSALS, Missing
+from jaxclay.numerics.host import as_compiled
 from jaxclay.schemes.energies import total_energy
 from jaxclay.solve.batch import deform_batch, minimize_batch
 from jaxclay.solve.minimize import deform
@@ -79,6 +80,7 @@ def skipped(reason: str) -> Row:
     return {"status": "skipped", "reason": reason, "reference": _NONE} | empty | Times()._asdict()
 
 
+@as_compiled()  # an answer that is none may have no contour
 def _certified(task: Task, answer: Solution, minimum: Solution | None, times: Times) -> Row:
     """What came out, the gap and the contour error those to a minimum that is certified."""
     certificate, problem, nan = answer.certificate, answer.problem, math.nan
