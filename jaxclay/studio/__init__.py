@@ -4,9 +4,9 @@
 ``drawing``: a stroke under way, its steps and what is shown between them.  ``reading``: what there
 is to read off.  ``tool``: where the pentagon presses, and its way in equal steps.  ``solving``:
 certified answers on slices whose programs are compiled.  ``starts``: pieces to begin from.
-``messages``: what a page may ask, ``checked``, and what it is told.  ``widget``: the same in
-Jupyter, :class:`Studio`.  ``host``: a page of its own, ``jaxclay studio``.  ``static/studio.js``:
-the one front end of both.
+``messages``: what a page may ask, ``checked``, and ``answers``: what it is told.  ``widget``: the
+same in Jupyter, :class:`Studio`.  ``host``: a page of its own, ``jaxclay studio``.
+``static/studio.js``: the one front end of both.
 
 May import all rooms to its left but experiments, which does not know this one either.
 """

@@ -60,6 +60,7 @@ class Drawing:
         self._previous, self._stepped = clay, False  # before the last step
         self._shown: Solution | None = None  # the tool where it has come to, a step behind or not
         self._near: Near | None = None
+        self._refused = ""  # why a step was, until it has been told
         self._first = _FIRST
 
     @property
@@ -124,6 +125,7 @@ class Drawing:
             squash = contact(self.clay, place, self._stroke.face)
             answer = squash and self._answer(self.clay, squash, tolerance)
             if not answer:
+                self._refused = self.reading.message if squash else ""
                 return
             self._near, self.clay, self.changed = Near(answer, self.clay), answer.clay, True
             self._first = _next_first(answer, tolerance)
@@ -173,8 +175,11 @@ class Drawing:
 
     def _read(self, begin: float) -> Reading:
         clay = self.clay if self._shown is None else self._shown.clay
-        taken = 1e3 * (time.perf_counter() - begin)
-        self.reading = dataclasses.replace(self.reading, clay=clay, milliseconds=taken)
+        taken, said = 1e3 * (time.perf_counter() - begin), self.reading.message or self._refused
+        self.reading = dataclasses.replace(
+            self.reading, clay=clay, message=said, milliseconds=taken
+        )
+        self._refused = ""
         return self.reading
 
 

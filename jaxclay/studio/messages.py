@@ -1,4 +1,4 @@
-"""What a page may ask of a modeller, checked, and what it is told.
+"""What a page may ask of a modeller, and who may; ``answers`` says what it is told.
 
 A message is an object with a ``type``, a ``view`` (who asks), an ``id`` (a number that grows) and
 perhaps buffers.  Lengths in buffers are float32, over the unit l: places of the tool as pairs
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import math
 import threading
 import time
 import uuid
@@ -19,13 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from jaxclay.clay.clay import Clay
-from jaxclay.clay.contour import slice_points
 from jaxclay.files.piece import piece_of_json, piece_to_json
 from jaxclay.files.stroke import Stroke
-from jaxclay.files.units import UNITS
 from jaxclay.numerics.checks import REFUSALS
-from jaxclay.studio import checked
+from jaxclay.studio import answers, checked
+from jaxclay.studio.answers import Answer, contour
 from jaxclay.studio.checked import Message
 from jaxclay.studio.exports import EXPORTS
 from jaxclay.studio.modeller import Modeller, replay
@@ -33,11 +30,8 @@ from jaxclay.studio.reading import Reading
 from jaxclay.studio.solving import SIZES, Compilations
 from jaxclay.studio.starts import STARTS, piece_of
 
-DRAWN = 256  # points of a contour at most
 _MOST_REPLAYED = 20_000  # points of a way that a page may have replayed: a minute or two
 ABANDONED = 3.0  # seconds without a word: another view may go on
-_SLUMPS = 0.05  # over l: clay that sinks so far by itself slumps
-Answer = tuple[Message, list[bytes]]
 
 
 class Desk:
@@ -194,7 +188,7 @@ class Desk:
 
     def _save(self, message: Message, buffers: list) -> list[Answer]:
         text = piece_to_json(self.modeller.piece)
-        return [_file("piece.json", "application/json", text.encode())]
+        return [answers.file("piece.json", "application/json", text.encode())]
 
     def _open(self, message: Message, buffers: list) -> list[Answer]:
         self._check_free(message)
@@ -223,7 +217,7 @@ class Desk:
         millimetres = checked.number(message, "millimetres", 1e-3, 1e5)
         wall = checked.number(message, "wall", 0.0, 1e5) if message.get("wall") else None
         mime, made = EXPORTS[kind]
-        return [_file(f"clay.{kind}", mime, made(self.modeller.piece, millimetres, wall))]
+        return [answers.file(f"clay.{kind}", mime, made(self.modeller.piece, millimetres, wall))]
 
     # Inside.
 
@@ -263,51 +257,7 @@ class Desk:
         return [self._shape(reading, True), ({"type": "kept", "text": piece_to_json(kept)}, [])]
 
     def _target_told(self) -> Answer:
-        target = self.modeller.target
-        if target is None:
-            return {"type": "target"}, []
-        points = slice_points(target) / float(self.modeller.clay.unit)
-        return {"type": "target"}, [_thinned(points).astype("<f4").tobytes()]
+        return answers.target(self.modeller.target, float(self.modeller.clay.unit))
 
     def _shape(self, reading: Reading, done: bool = False) -> Answer:
-        m, clay = self.modeller, reading.clay
-        unit = float(clay.unit)
-        zone = None if reading.zone is None else [height / unit for height in reading.zone]
-        told: Message = {
-            "type": "shape", "done": done, "unit": unit, "height": float(clay.height),
-            "diameter": 2 * float(clay.radii.max()), "volume": float(clay.volume),
-            "slices": clay.slices, "certified": reading.certified, "message": reading.message,
-            "error": _finite(reading.error), "zone": zone, "reach": reading.reach,
-            "floored": reading.floored, "solve": reading.milliseconds, "undo": m.undoable,
-            "redo": m.redoable, "strokes": len(m.piece.strokes),
-        }  # fmt: skip
-        if reading.late and not self.compilations.whole:
-            told["message"] = ""  # nothing to be mended: it will be met in a moment
-        if reading.terms is not None:
-            told["energy"] = {name: float(v) for name, v in reading.terms._asdict().items()}
-        if done:
-            told |= {
-                "match": _finite(m.match()),
-                "slumps": self.compilations.most > 0 and m.slump() > _SLUMPS,
-                "millimetres": UNITS.get(m.piece.length_unit or "") or 100.0,
-            }
-        return told, [contour(clay).tobytes()]
-
-
-def contour(clay: Clay) -> np.ndarray:
-    """(m, 2) float32 points (radius, height) over l to be drawn, 256 at most."""
-    return _thinned(slice_points(clay) / float(clay.unit)).astype("<f4")
-
-
-def _thinned(points: np.ndarray) -> np.ndarray:
-    if len(points) <= DRAWN:
-        return points
-    return points[np.round(np.linspace(0, len(points) - 1, DRAWN)).astype(int)]
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _file(name: str, mime: str, data: bytes) -> Answer:
-    return {"type": "file", "name": name, "mime": mime}, [data]
+        return answers.shape(self.modeller, reading, self.compilations, done)

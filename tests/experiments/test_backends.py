@@ -1,5 +1,6 @@
 """Backends: the same answers from every one, and a worker's death costs nothing that is kept."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -125,6 +126,24 @@ def test_a_scheduler_that_is_not_there_is_an_error(experiment, tmp_path, monkeyp
             "dask",
             "tcp://127.0.0.1:1",
         )
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "foo"])
+def test_no_client_is_left_of_a_scheduler_that_is_not_there(
+    experiment, tmp_path, address, monkeypatch
+):
+    """It would wait when it is collected, in whichever thread that happens."""
+    from distributed import Client
+
+    gc.collect()
+    monkeypatch.setattr(backends, "ANSWERS_WITHIN", 1)
+    gc.disable()
+    try:
+        with pytest.raises((OSError, ValueError)):
+            engine.run(tasks_of(experiment), tmp_path, "dask", address)
+        assert not [one for one in gc.get_objects() if isinstance(one, Client)]
+    finally:
+        gc.enable()
 
 
 def test_what_is_no_address_of_a_scheduler_is_named(experiment, tmp_path):

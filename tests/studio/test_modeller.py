@@ -13,6 +13,7 @@ from jaxclay.solve.certified_newton import program
 from jaxclay.studio import drawing
 from jaxclay.studio import modeller as modelling
 from jaxclay.studio.modeller import Modeller, replay
+from jaxclay.studio.solving import MOVING
 from jaxclay.studio.starts import STARTS
 from jaxclay.studio.tool import STEP
 
@@ -93,15 +94,40 @@ def test_working_ahead_changes_nothing_but_who_waits(ready):
         np.testing.assert_array_equal(one.heights, other.heights)
 
 
-def test_what_is_shown_is_near_to_what_stays(ready):
-    """The tool in clay at most one step behind shows what it does to clay that is not."""
+def test_what_is_shown_is_near_to_what_stays_and_within_the_tolerance(ready, monkeypatch):
+    """Of the same clay and squash; with the tool in clay a step behind it is much the same."""
+    follow, given = drawing.follow, []
+
+    def kept(*arguments):
+        given[:] = [arguments[1:4], follow(*arguments)]
+        return given[1]
+
+    monkeypatch.setattr(drawing, "follow", kept)
     modeller = Modeller(Clay.cylinder(0.36))
     first, *others = sampled(60)
     modeller.begin(stroke([first]))
-    for point in others:
+    for i, point in enumerate(others):
+        given.clear()
         shown = modeller.move([point]).clay
+        if given and i % 4 == 0:
+            exact = jaxclay.deform(*given[0], tolerance=2e-5).clay
+            assert jaxclay.contour_error(given[1].clay, exact) < MOVING
         modeller.work_ahead()
         assert jaxclay.contour_error(shown, modeller.move([]).clay) < 2 * STEP
+
+
+def test_a_refused_step_is_told_though_what_is_shown_is_certified(modeller, monkeypatch):
+    modeller.begin(stroke([(0.6, 0.38)]))
+    modeller.move([(0.6, 0.355)])
+    waiting = modeller.move([(0.6, 0.335)])  # a step ends here, and is not done yet
+    assert waiting.certified
+    with monkeypatch.context() as patch:
+        patch.setattr(drawing, "is_certified", lambda *given: False)
+        modeller.work_ahead()
+    told = modeller.move([(0.6, 0.33)])
+    assert told.certified
+    assert "not pressed" in told.message
+    assert modeller.move([(0.6, 0.325)]).message == ""
 
 
 @pytest.mark.parametrize(
