@@ -299,7 +299,8 @@ def on_nodes(clay: Clay, nodes: Float[Array, "nodes"]) -> Clay:
     heights, thickness = clay.interpolant.on(nodes)
     edges = clay.edges
     if xp is np:
-        edges = edges[np.isin(edges[:, 0], nodes)]
+        there = nodes[np.minimum(np.searchsorted(nodes, edges[:, 0]), len(nodes) - 1)]
+        edges = edges[there == edges[:, 0]]
     return unchecked_clay(heights, thickness, clay.r0, clay.unit, nodes, edges)
 
 

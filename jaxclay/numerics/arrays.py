@@ -57,6 +57,7 @@ else:
 
 
 _PLAIN = {np.ndarray, np.float64, np.bool_, np.int64, float, int, bool}  # known to be NumPy's
+_PARTS = (tuple, list)
 
 
 def namespace(*trees: Any) -> Any:
@@ -64,10 +65,13 @@ def namespace(*trees: Any) -> Any:
     for tree in trees:
         if type(tree) in _PLAIN:
             continue
-        if isinstance(tree, jax.Array):
-            return jnp
         # Looked through by hand, since this is asked some hundred times for one squash.
-        parts = tree if isinstance(tree, tuple | list) else getattr(tree, "__dict__", {}).values()
+        if isinstance(tree, _PARTS):
+            parts = tree
+        elif isinstance(tree, jax.Array):
+            return jnp
+        else:
+            parts = getattr(tree, "__dict__", {}).values()
         if namespace(*parts) is jnp:
             return jnp
     return np

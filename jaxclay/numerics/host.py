@@ -41,9 +41,15 @@ def pytree(cls: type[T]) -> type[T]:
     host = [f.name for f in fields if f.metadata.get("host")]
     data = [f.name for f in fields if f.name not in static + host]
 
+    keys = [jax.tree_util.GetAttrKey(name) for name in data]
+
+    def flatten(obj):
+        held = obj.__dict__
+        return [held[name] for name in data], tuple([held[name] for name in static])
+
     def flatten_with_keys(obj):
-        children = [(jax.tree_util.GetAttrKey(name), getattr(obj, name)) for name in data]
-        return children, tuple(getattr(obj, name) for name in static)
+        children, aux = flatten(obj)
+        return list(zip(keys, children, strict=True)), aux
 
     def unflatten(aux, children):
         obj = object.__new__(cls)
@@ -53,7 +59,7 @@ def pytree(cls: type[T]) -> type[T]:
             object.__setattr__(obj, name, None)
         return obj
 
-    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten)
+    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
     return cls
 
 

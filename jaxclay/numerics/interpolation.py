@@ -217,7 +217,15 @@ def _ends(nodes: Array, heights: Array, broken: Array | None) -> tuple[Array, Ar
         return slope[:-1], slope[1:]
     low = xp.maximum.accumulate(xp.where(broken, index, 0))[:-1]
     high = xp.minimum.accumulate(xp.where(broken, index, n)[::-1])[::-1][1:]
-    start, stop = (_slopes(xp, nodes, heights, i, low, high) for i in (index[:-1], index[1:]))
+    # Both ends at a node have one slope where it is not broken: on the host the others are known.
+    other = np.append(np.flatnonzero(broken[1:-1]), n - 1) if xp is np else index[:-1]
+    at = xp.concatenate([index[:-1], other + 1])
+    both = (xp.concatenate([each, each[other]]) for each in (low, high))
+    slope = _slopes(xp, nodes, heights, at, *both)
+    start, stop = slope[:n], slope[n:]
+    if xp is np:
+        stop = np.append(start[1:], 0.0)
+        stop[other] = slope[n:]
     return start, stop
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+
 from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, Shaped, namespace
 
 AnyDisplaced = Any  # a displaced shape as a scheme holds it: a point, for a minimiser
@@ -204,8 +206,10 @@ def no_forces(problem: Minimisable) -> Forces:
 def lifted(problem: AnyProblem, point: AnyDisplaced) -> AnyDisplaced:
     """The point moved no further than needed for every slice to reach the lower bound."""
     xp = namespace(problem.shift, point)
-    even = problem.evened(point, 1.0).thickness
     low = problem.loose & (point.thickness < problem.floor)
+    if xp is np and not low.any():
+        return point
+    even = problem.evened(point, 1.0).thickness
     gained = xp.where(low, even - point.thickness, 1.0)
     fraction = xp.where(low, (problem.floor - point.thickness) / gained, 0.0)
     return problem.evened(point, xp.clip(xp.max(fraction), 0.0, 1.0))

@@ -21,7 +21,7 @@ from jaxclay.numerics.host import as_compiled, as_float64, compiled, in_float64
 from jaxclay.schemes.problem import Problem
 from jaxclay.schemes.rough import rough_start
 from jaxclay.schemes.slices.posing import place
-from jaxclay.solve.certified_newton import Answer, Packed, answered, packed, program, unpacked
+from jaxclay.solve.certified_newton import Answer, Packed, packed, program, solved, unpacked
 from jaxclay.solve.minimize import minimize, newton_start, solution_of
 from jaxclay.solve.refining import Plan, Wanted, on_slices, to_tolerance
 from jaxclay.solve.solution import Solution
@@ -157,28 +157,24 @@ def _together(wanted: list[Wanted], settings: list[NewtonSettings]) -> list[Solu
         if len(wanted) >= _MANY and all(each.start is None for each in wanted):
             pairs = list(zip(problems, settings, strict=True))
             count = np.array(len(pairs))
-            answer, feasible = in_float64(
-                "minimize", from_rough_shapes, stack(pairs, CAPACITY), count
-            )
-        else:
-            starts = [newton_start(each) for each in wanted]
-            feasible = [possible for _, possible in starts]
-            rows = [
-                packed(problem.system, start, chosen, possible)
-                for problem, (start, possible), chosen in zip(
-                    problems, starts, settings, strict=True
-                )
-            ]
-            many = Packed(*(_stacked(leaves) for leaves in zip(*rows, strict=True)))
-            answer = in_float64("minimize", programs, many, np.array(len(rows)))
+            found = in_float64("minimize", from_rough_shapes, stack(pairs, CAPACITY), count)
+            each = zip(problems, _apart(found, len(pairs)), strict=True)
+            return [dataclasses.replace(one, problem=problem) for problem, one in each]
+        starts = [newton_start(each) for each in wanted]
+        rows = [
+            packed(problem.system, start, chosen, feasible)
+            for problem, (start, feasible), chosen in zip(problems, starts, settings, strict=True)
+        ]
+        many = Packed(*(_stacked(leaves) for leaves in zip(*rows, strict=True)))
+        answer = in_float64("minimize", programs, many, np.array(len(rows)))
         return [
             solution_of(
                 problem,
-                feasible[i],
+                feasible,
                 *unpacked(problem.system, Answer(*(leaf[i] for leaf in answer))),
                 "newton",
             )
-            for i, problem in enumerate(problems)
+            for i, (problem, (_, feasible)) in enumerate(zip(problems, starts, strict=True))
         ]
 
 
@@ -186,8 +182,14 @@ def _by_method(problems: list[Problem], settings: list[Any], method: str) -> lis
     """The answers of another method, from rough shapes that are compiled too."""
     pairs, count = list(zip(problems, settings, strict=True)), np.array(len(problems))
     found = in_float64("minimize", from_problems, stack(pairs, CAPACITY), count, method=method)
-    leaves, structure = jax.tree.flatten(found)
-    return [jax.tree.unflatten(structure, [leaf[i] for leaf in leaves]) for i in range(int(count))]
+    return _apart(found, len(pairs))
+
+
+def _apart(tree: Any, count: int) -> list[Any]:
+    """The first ``count`` trees of one whose arrays have a leading axis."""
+    leaves, structure = jax.tree.flatten(tree)
+    rows = zip(*(list(leaf[:count]) for leaf in leaves), strict=True)
+    return [jax.tree.unflatten(structure, row) for row in rows]
 
 
 def stack(trees: list[Any], size: int | None = None) -> Any:
@@ -210,14 +212,15 @@ def programs(values: Packed, count: Array) -> Answer:
 
 
 @compiled()
-def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> tuple[Answer, Array]:
-    """The same for problems and settings, from rough shapes that are compiled too."""
+def from_rough_shapes(pairs: tuple[Problem, NewtonSettings], count: Array) -> Solution:
+    """The answers to problems with settings but for the problems, rough shapes compiled too."""
 
-    def one(i: Any) -> tuple[Answer, Array]:
+    def one(i: Any) -> Solution:
         problem, settings = jax.tree.map(lambda leaf: leaf[i], pairs)
         rough, feasible = rough_start(problem)
         start = start_of(problem, rough, None, "newton")
-        return answered(problem.system, start, settings, feasible), feasible
+        found = solved(problem.system, start, settings, feasible)
+        return dataclasses.replace(solution_of(problem, feasible, *found, "newton"), problem=None)
 
     return _each(one, count)
 

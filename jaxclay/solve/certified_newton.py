@@ -163,13 +163,17 @@ def program(values: Packed) -> Answer:
     return _answer(*certified_newton(system, first, settings, feasible > 0))
 
 
-def answered(system: System, start: Start, settings: NewtonSettings, feasible: Array) -> Answer:
-    """The same from a start, for more than one in a program."""
+def solved(
+    system: System, start: Start, settings: NewtonSettings, feasible: Array
+) -> tuple[Outcome, Certificate]:
+    """The same inside a larger program."""
     rest = Displaced(system.rest_thickness, 0 * system.target)
     point = jax.tree.map(lambda a, b: jnp.where(feasible, a, b), start.point, rest)
     state = newton.resume(system, point, start.forces, start.warm, settings)
     state = state._replace(iterations=jnp.asarray(0))
-    return _answer(*certified_newton(system, state, settings, feasible))
+    last, finite, found = certified_newton(system, state, settings, feasible)
+    outcome = Outcome(last.point, last.forces, last.iterations, last.finished, finite)
+    return outcome, certificate.concluded(system, last.point, found)
 
 
 def _answer(state: State, finite: Array, found: Search) -> Answer:

@@ -61,7 +61,7 @@ def deform(
 ) -> Solution:
     """Squash the clay: pose (eqs. 10, 11), rough shape (12 to 19), minimum of E_total (9).
 
-    On the scheme "slices" newton solves twice, on 512 to 1024 slices, then with nodes where that
+    On the scheme "slices" newton solves twice, on 256 to 1024 slices, then with nodes where that
     answer bends; so the problem is the same for every method.
 
     Parameters

@@ -20,7 +20,7 @@ from jaxclay.solve.carried import carried
 from jaxclay.solve.solution import Solution, Status
 
 SIZES = tuple(32 << i for i in range(8))  # slices that an answer to a tolerance may have
-_FIRST = 512, 1024  # slices that the first answer has at least and at most
+_FIRST = 256, 1024  # slices that the first answer has at least and at most
 _MANY = 1024
 _SHARE = 3  # at second order the error is a third of the distance to half as many slices
 
@@ -39,9 +39,9 @@ Plan = Generator[Wanted, Solution, Solution]
 
 
 def on_slices(found: Placed, slices: int) -> Plan:
-    """The answer on n slices, placed by one on eight times as many, 512 to 1024."""
+    """The answer on n slices, placed by one on four times as many, 256 to 1024."""
     answers: list[Solution] = []
-    for size in (min(max(8 * slices, _FIRST[0]), _FIRST[1]), slices):
+    for size in (min(max(4 * slices, _FIRST[0]), _FIRST[1]), slices):
         answers.append((yield from _next(found, size, answers)))
         if answers[-1].status is Status.INFEASIBLE:
             break

@@ -41,19 +41,11 @@ def order(name, material, grids, finest):
 @pytest.mark.parametrize("material", [SNAKE, PRINTED], ids=["snake", "printed"])
 @pytest.mark.parametrize("name", SCENES)
 def test_the_contour_is_of_second_order(name, material):
-    fitted, errors = order(name, material, (32, 64, 128), 256)
-    # Three grids alone scatter by some 0.2; the slow test has four, up to 256.
-    assert fitted >= 1.5, errors
-    assert errors[1] < 1e-3
-    assert errors[2] < 2e-4
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("material", [SNAKE, PRINTED], ids=["snake", "printed"])
-@pytest.mark.parametrize("name", SCENES)
-def test_the_order_up_to_256_slices(name, material):
+    # Fewer grids scatter: where nodes come to lie is worth a third of an error.
     fitted, errors = order(name, material, (32, 64, 128, 256), 1024)
     assert fitted >= 1.7, errors
+    assert errors[1] < 1e-3
+    assert errors[2] < 2e-4
     assert errors[3] < 6e-5
 
 

@@ -34,7 +34,8 @@ _MOST_LOOKS = 20
 _CLOSER = 10.0 ** -np.arange(14)  # places about a root, as shares of the way to it
 _MARKS = 65  # nodes that a first guess is told from, at most
 _NEWTON = 40
-_NEARLY = 1e-6  # of the reach: two more steps are exact
+_NEARLY = 1e-7  # of the reach, that the last but one of the steps changes
+_ROUGHLY = 1e-4  # the same where the search only looks around
 _NOTHING = 1e-10  # of a reach, as a share of the clay: D is rounded to more than that changes
 _EXACT = 1e-13  # share of the clay
 
@@ -42,12 +43,17 @@ _EXACT = 1e-13  # share of the clay
 class _Sides(NamedTuple):
     """Both sides for bands at many places, leading axis below and above."""
 
-    energy: Array
+    energy: Array | None
     tension: Array
 
 
-def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: Array) -> _Sides:
-    """E_move and edge tension of both sides for lower edges (m,)."""
+def _solve(
+    table: Moments, tool: Tool, material: Material, share: Array, lower: Array, around: bool = True
+) -> _Sides:
+    """E_move and edge tension of both sides for lower edges (m,).
+
+    On the host the tension is exact, without the energy, where it is not for looking ``around``.
+    """
     xp = namespace(table, tool, material, lower, share)
     k, mu = material.k, material.mu
     upper = xp.minimum(lower + share, 1.0)
@@ -83,25 +89,36 @@ def _solve(table: Moments, tool: Tool, material: Material, lower: Array, share: 
         step = (value - size) / xp.where(inside & (growth > 0), growth, 1.0)
         return xp.where(inside, xp.minimum(xp.maximum(reach - step, 0.0), span), reach)
 
+    def changes(reach, new, share):
+        return abs(new - reach) > share * new + _NOTHING
+
     def nearly(reach):
         new = newton(reach)
-        return xp.where(abs(new - reach) > _NEARLY * new + _NOTHING, new, reach)
+        return xp.where(changes(reach, new, _NEARLY), new, reach)
 
     ends = span, whole[0], span * whole[0] - whole[1]
     guess = _guess(table, edge, base, size / xp.where(rate > 0, rate, 1.0), ends)
-    guess = xp.where(inside, guess, span)
-    # One step makes it exact, two carry its derivatives.
-    reach = newton(fixed(newton(fixed(repeat(_NEWTON, nearly, fixed(guess))))))
-    m0, m1, m2 = integrals(reached(reach))
+    reach = xp.where(inside, guess, span)
+    if xp is np:
+        for _ in range(_NEWTON):
+            before, reach = reach, newton(reach)
+            if not changes(before, reach, _ROUGHLY if around else _NEARLY).any():
+                break
+    else:
+        # One step makes it exact, two carry its derivatives.
+        reach = newton(fixed(newton(fixed(repeat(_NEWTON, nearly, fixed(reach))))))
     more = (size - most) / xp.where(whole[0] > 0, whole[0], 1.0)
     sigma = xp.where(inside, rate * reach, rate * span + xp.where(held, more, 0.0))
     sigma = xp.where((size > 0) & (span > 0), sigma, 0.0)
-    moved = sigma * m0 - rate * m1
-    energy = k / 2 * (sigma**2 * m0 - 2 * sigma * rate * m1 + rate**2 * m2)
-    energy += mu * (xp.maximum(size - moved, 0.0) * span + sigma * m1 - rate * m2)
     stretch = 1 - sign * sigma * slope
     tension = -stretch * slope * sign * k * sigma
     tension -= k / 2 * (stretch - 1) ** 2 + mu * size
+    energy = None
+    if around:
+        m0, m1, m2 = integrals(reached(reach))
+        moved = sigma * m0 - rate * m1
+        energy = k / 2 * (sigma**2 * m0 - 2 * sigma * rate * m1 + rate**2 * m2)
+        energy += mu * (xp.maximum(size - moved, 0.0) * span + sigma * m1 - rate * m2)
     return _floored(table.rest, material, _Sides(energy, tension), edge, d, held, sigma)
 
 
@@ -131,9 +148,11 @@ def _guess(table: Moments, edge, base, wanted, ends) -> Array:
 
 def _floored(rest, material: Material, free: _Sides, edge, d, held, sigma) -> _Sides:
     """The same where no slice may be thinner than the floor allows."""
-    xp = namespace(rest, material, free, edge, d, held, sigma)
-    mean = rest.thickness / (rest.nodes[1:] - rest.nodes[:-1])
+    xp = namespace(rest, material, free.tension, edge, d, held, sigma)
     binds = (d > 0) & (sigma * rest.steepest > 1 - material.floor)
+    if xp is np and not binds.any():
+        return free
+    mean = rest.thickness / (rest.nodes[1:] - rest.nodes[:-1])
 
     def answer(way, at, d, held):
         away = xp.maximum(way[..., None] * (rest.nodes - at[..., None]), 0.0)
@@ -144,9 +163,9 @@ def _floored(rest, material: Material, free: _Sides, edge, d, held, sigma) -> _S
 
     way, held = (xp.broadcast_to(each, d.shape) for each in (_WAY, held))
     if xp is np:
-        if binds.any():
-            floored = answer(way[binds], edge[binds], d[binds], held[binds])
-            for all_of_them, new in zip(free, floored, strict=True):
+        floored = answer(way[binds], edge[binds], d[binds], held[binds])
+        for all_of_them, new in zip(free, floored, strict=True):
+            if all_of_them is not None:
                 all_of_them[binds] = new
         return free
 
@@ -169,17 +188,16 @@ def locate(rest: Interpolant, r0, tool: Tool, material: Material, two_sided: Any
     at_bottom = tool.bottom <= rest.height(xp.asarray(_LEAST)) * two_sided
     tool = tool._replace(bottom=xp.where(at_bottom, 0.0, tool.bottom))
     share = density * (tool.top - tool.bottom)
-    start = xp.zeros(())
-    if xp is not np or not at_bottom:
-        start = xp.where(at_bottom, 0.0, rest.inverse(xp.clip(tool.bottom, 0.0, height)))
-    swallows = (start + share > 1 - _LEAST) & xp.logical_not(tool.top_fixed)
-    lower, feasible = start, xp.asarray(True)
-    if two_sided:
-        low, high, feasible = _range(rest, tool, material, share)
+    may_search = two_sided if xp is not np else not at_bottom
+    lower, feasible = xp.zeros(()), xp.asarray(True)
+    if may_search:
+        lower, low, high, feasible = _range(rest, tool, material, share)
+    swallows = (lower + share > 1 - _LEAST) & xp.logical_not(tool.top_fixed)
+    if may_search:
         searches = xp.logical_not(at_bottom | swallows) & feasible & (tool.bottom < height)
         if xp is not np:
             found = _cheapest(moments(rest), tool, material, low, high, share)
-            lower = xp.where(searches, found, start)
+            lower = xp.where(searches, found, lower)
         elif searches:
             lower = _cheapest(moments(rest), tool, material, low, high, share)
     upper = xp.where(swallows, 1.0, xp.minimum(lower + share, 1.0))
@@ -194,7 +212,10 @@ def locate(rest: Interpolant, r0, tool: Tool, material: Material, two_sided: Any
 
 
 def _range(rest: Interpolant, tool: Tool, material: Material, share):
-    """Lower edges that push both sides the same way and leave both sides room."""
+    """The clay below the tool's bottom, and from where to where the band may begin.
+
+    There it pushes both sides the same way and leaves both sides room, if that is feasible.
+    """
     xp = namespace(rest, tool, material, share)
     height = rest.heights[-1]
     thinnest = tool.bottom / material.floor
@@ -207,7 +228,7 @@ def _range(rest: Interpolant, tool: Tool, material: Material, share):
     low = xp.where(tool.top_fixed & (deepest > 0), xp.maximum(low, deep - share), low)
     low = xp.maximum(low, _LEAST)
     feasible = (low <= high) | xp.logical_not(tool.top_fixed)
-    return low, xp.maximum(high, low), feasible
+    return one, low, xp.maximum(high, low), feasible
 
 
 def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
@@ -221,9 +242,11 @@ def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
     still = fixed(known)
 
     def look(lower, known=still):
-        table, tool, material, share = known
-        both = _solve(table, tool, material, lower, share)
-        return both.energy[0] + both.energy[1], both.tension[1] - both.tension[0]
+        both = _solve(*known, lower)
+        return both.energy[0] + both.energy[1], slope(both)
+
+    def slope(both):
+        return both.tension[1] - both.tension[0]
 
     last = _PLACES_AT_ONCE - 1
     lowest, highest = fixed((low, high))
@@ -235,7 +258,8 @@ def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
         places = spread(low, high)
         energies, slopes = look(places)
         best = int(np.argmin(energies))
-        return _sign_change(lambda u: look(u)[1], places, slopes, max(best - 1, 0), best + 1)
+        closely = lambda u: slope(_solve(*still, u, around=False))  # noqa: E731
+        return _sign_change(closely, places, slopes, max(best - 1, 0), best + 1)
 
     def narrow(turn, ends):
         left, right, _, _ = ends
@@ -262,8 +286,8 @@ def _sign_change(
 ) -> Float[Array, ""]:
     """Where a rising function passes 0 from the first to the last of the places, else that end.
 
-    What the four places nearest say is looked at along with places closer and closer to it: so
-    one look brackets the root as narrowly as the one before told it.
+    The slopes given are rough.  What the four places nearest say is looked at along with places
+    closer and closer to it: so one look brackets the root as narrowly as the one before told it.
     """
     for _ in range(_MOST_LOOKS):
         i = first + int(np.cumprod(slopes[first : last + 1] < 0).sum())  # where it rises

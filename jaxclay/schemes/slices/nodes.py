@@ -136,10 +136,9 @@ def _equidistributed(density: Density, cuts, below, share: list, free: list[int]
 
 def _looked_up(density: Density, cuts: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Where the integral has the wanted values, by straight lines between many places."""
-    corners = np.union1d(density.middle, cuts)
-    corners = corners[(corners >= cuts[0]) & (corners <= cuts[-1])]
     near = density.at[:, None] + density.length[:, None] * _STEPS
-    places = np.union1d(corners, np.clip(near, cuts[0], cuts[-1]))
+    places = np.concatenate([density.middle, cuts, near.ravel()])
+    places = np.sort(np.minimum(np.maximum(places, cuts[0]), cuts[-1]))
     return np.interp(wanted, density.integral(places), places)
 
 

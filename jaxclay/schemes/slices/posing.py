@@ -111,7 +111,7 @@ def problem_of(found: Placed, nodes: Float[Array, "nodes"]) -> Problem:
     there = xp.stack([first > 0, last < sums.slices.shape[0]])
     terms = found.under.with_half_cells(xp.where(there, beside, 0.0))
     bare = unchecked_clay(on.heights, on.thickness, clay.r0, unit, nodes)
-    before = clay if is_concrete(clay) else None
+    before = clay if xp is np or is_concrete(clay) else None
     return Problem(
         bare, rest, found.tool, found.material, band, fixed, shift, sums, terms,
         before=before, scheme="slices",
