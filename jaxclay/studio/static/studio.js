@@ -10,6 +10,7 @@ const SEGMENTS = 128;
 const MOST_RINGS = 288;
 const LITE_RINGS = 110; // where no GPU helps
 const IN_FLIGHT = [[0, 1], [12, 2], [25, 3]]; // requests, from so many ms under way without the solve
+const APART_MS = 12; // from one request to the next: a screen shows no more
 const THINNEST = 0.02;
 const NUDGE = 0.01;
 const FINEST = 0.001; // of the tool's way, that is told
@@ -50,7 +51,7 @@ const CSS = `
 
 .jc .stage { outline:none; }
 .jc .stage.keys:focus { outline:3px solid var(--accent); outline-offset:2px; }
-.jc canvas { position:absolute; inset:0; width:100%; height:100%; display:block; pointer-events:none; }
+.jc canvas { position:absolute; display:block; pointer-events:none; }
 .jc .top { position:absolute; left:12px; right:12px; top:12px; display:flex; gap:8px; align-items:center;
   flex-wrap:wrap; pointer-events:none; }
 .jc .top > * { pointer-events:auto; }
@@ -239,11 +240,28 @@ function floats(buffer) {
   return new Float32Array(all.slice(byteOffset, byteOffset + byteLength));
 }
 
+const pairs = (values) => Array.from({ length: values.length / 2 }, (_, i) => [values[2 * i], values[2 * i + 1]]);
+
+/* Where a canvas has something to show, since composing a page costs by the pixel, and the layout as
+   seen from there. Places are of few sizes, so that one is rarely made anew. */
+function framed(layout, ratio, [left, top, right, bottom]) {
+  const to = (round, value, most) => clamp(round(value / 32) * 32, 0, most);
+  const x = to(Math.floor, left, layout.width - 1), y = to(Math.floor, top, layout.height - 1);
+  const width = Math.max(to(Math.ceil, right, layout.width) - x, 1);
+  const height = Math.max(to(Math.ceil, bottom, layout.height) - y, 1);
+  return { ...layout, x: layout.x - x, y: layout.y - y, width, height,
+    place: `left:${x}px;top:${y}px;width:${width}px;height:${height}px`,
+    pixels: [Math.round(width * ratio), Math.round(height * ratio)] };
+}
+
+function fit(canvas, { place, pixels: [wide, tall] }) {
+  if (canvas.place !== place) canvas.style.cssText = canvas.place = place;
+  if (canvas.width !== wide || canvas.height !== tall) { canvas.width = wide; canvas.height = tall; }
+}
+
 /* The half contour as rings with normals and openness to light; lip and foot are rounded. */
 function ringsOf(points) {
-  const n = points.length / 2;
-  const outline = [];
-  for (let i = 0; i < n; i++) outline.push([points[2 * i], points[2 * i + 1]]);
+  const outline = pairs(points), n = outline.length;
   const tall = outline[n - 1][1];
   const widest = outline.reduce((m, p) => Math.max(m, p[0]), 0);
   const rounded = [];
@@ -303,17 +321,19 @@ function isSoftware() {
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
 
+/* Without a GPU WebGL draws aside, and its pixels are fetched when they are there: nothing waits. */
 class Body {
   constructor(canvas) {
     this.canvas = canvas;
     this.software = isSoftware();
+    const deep = this.software ? document.createElement("canvas") : canvas;
     const options = { antialias: !this.software, alpha: true, premultipliedAlpha: true,
       preserveDrawingBuffer: false };
-    this.gl = this.software === null ? null : canvas.getContext("webgl2", options);
-    if (!this.gl) this.flat = canvas.getContext("2d");
-    else {
-      canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); this.ready = false; });
-      canvas.addEventListener("webglcontextrestored", () => { this.build(); this.shape && this.take(this.shape); });
+    this.gl = this.software === null ? null : deep.getContext("webgl2", options);
+    if (!this.gl || this.software) this.flat = canvas.getContext("2d");
+    if (this.gl) {
+      deep.addEventListener("webglcontextlost", (event) => { event.preventDefault(); this.ready = false; });
+      deep.addEventListener("webglcontextrestored", () => { this.build(); this.shape && this.take(this.shape); });
       this.build();
     }
   }
@@ -358,7 +378,9 @@ class Body {
     if (this.software) this.grains();
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
-    gl.cullFace(gl.BACK);
+    gl.cullFace(this.software ? gl.FRONT : gl.BACK); // fetched rows come from below: drawn upside down
+    this.fetched = this.software && gl.createBuffer();
+    this.fence = null;
     this.ready = true;
     this.wheelRadius = 0;
   }
@@ -399,11 +421,43 @@ class Body {
 
   draw(view, turn, dark) {
     if (!this.shape) return;
-    if (this.gl) { if (this.ready) this.drawDeep(view, turn, dark); } else this.drawFlat(view, dark);
+    if (!this.software) fit(this.canvas, view);
+    if (!this.gl) this.drawFlat(view, dark);
+    else if (this.ready && !this.fence) {
+      this.drawDeep(view, turn, dark);
+      if (this.software) this.fetch(view);
+    }
+  }
+
+  fetch(view) {
+    const gl = this.gl, [width, height] = view.pixels;
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.fetched);
+    gl.bufferData(gl.PIXEL_PACK_BUFFER, 4 * width * height, gl.STREAM_READ);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, 0);
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    this.fetching = view;
+    gl.flush();
+  }
+
+  /* What has been fetched, if it is there. */
+  show() {
+    const gl = this.gl;
+    if (!this.fence || !this.ready || gl.clientWaitSync(this.fence, 0, 0) === gl.TIMEOUT_EXPIRED) return;
+    const view = this.fetching, [width, height] = view.pixels, picture = new ImageData(width, height);
+    gl.deleteSync(this.fence);
+    this.fence = null;
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.fetched);
+    gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, picture.data);
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    fit(this.canvas, view);
+    this.flat.putImageData(picture, 0, 0);
   }
 
   drawDeep(view, turn, dark) {
-    const gl = this.gl, { width, height } = this.canvas, { shape, at } = this;
+    const gl = this.gl, [width, height] = view.pixels, { shape, at } = this, flip = this.software ? -1 : 1;
+    if (this.software && (gl.canvas.width !== width || gl.canvas.height !== height))
+      [gl.canvas.width, gl.canvas.height] = [width, height];
     if (Math.abs(view.wheel - this.wheelRadius) > 1e-4) {
       this.wheelRings = wheelRings(view.wheel);
       this.upload(this.wheel, this.wheelRings);
@@ -412,8 +466,8 @@ class Body {
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.uniform4f(at.eye, (2 * view.scale) / view.width, (2 * view.scale) / view.height,
-      (2 * view.x) / view.width - 1, 1 - (2 * view.y) / view.height);
+    gl.uniform4f(at.eye, (2 * view.scale) / view.width, (2 * flip * view.scale) / view.height,
+      (2 * view.x) / view.width - 1, flip * (1 - (2 * view.y) / view.height));
     gl.uniform2f(at.tilt, COS, SIN);
     gl.uniform2f(at.turn, Math.cos(turn), Math.sin(turn));
     gl.uniform2f(at.foot, shape.foot, Math.min(shape.widest, 0.8));
@@ -663,7 +717,7 @@ class Studio {
       this.late(false);
     }
     if (message.type === "shape") this.shapeTold(message, floats(buffers[0]), mine, first ? performance.now() - sent : null);
-    else if (message.type === "target") this.target = buffers[0] ? floats(buffers[0]) : null;
+    else if (message.type === "target") this.target = buffers[0] ? pairs(floats(buffers[0])) : null;
     else if (message.type === "state") this.session = message.session;
     else if (message.type === "kept") this.keep(message.text);
     else if (message.type === "refused" && (mine || !message.view)) this.refused(message.message);
@@ -828,7 +882,8 @@ class Studio {
       this.stops.push(() => this.model.off(`change:${name}`, act));
     }
     on(this.stage, "pointerdown", (event) => this.down(event));
-    on(this.stage, "pointermove", (event) => this.moved(event));
+    // As moves come, where a page may ask for that, and not with the next frame, whose drawing an answer waits for.
+    on(this.stage, "onpointerrawupdate" in this.stage ? "pointerrawupdate" : "pointermove", (event) => this.moved(event));
     on(this.stage, "pointerup", () => this.let_go());
     on(this.stage, "pointercancel", () => this.let_go());
     on(this.root, "keydown", (event) => this.key(event));
@@ -936,6 +991,7 @@ class Studio {
   pump() {
     const drag = this.drag, most = IN_FLIGHT.findLast(([ms]) => this.apart >= ms)[1];
     if (!drag?.moved || drag.refused || this.pendingMoves() >= most) return;
+    if (performance.now() - (drag.sentAt ?? 0) < APART_MS) return;
     const points = drag.points.splice(0, 8000);
     if (!drag.begun) {
       drag.begun = true;
@@ -944,7 +1000,10 @@ class Studio {
     } else if (points.length) this.sendMove({ type: "move" }, points);
   }
 
-  sendMove(content, points) { this.drag.inFlight.add(this.send(content, points)); }
+  sendMove(content, points) {
+    this.drag.sentAt = performance.now();
+    this.drag.inFlight.add(this.send(content, points));
+  }
 
   pendingMoves() {
     for (const id of this.drag.inFlight) if (!this.pending.has(id)) this.drag.inFlight.delete(id);
@@ -956,6 +1015,7 @@ class Studio {
     clearTimeout(this.keyTimer);
     if (!drag) return;
     if (drag.moved && drag.last && (drag.last[0] !== this.tool.height || drag.last[1] !== this.tool.radius)) this.mark();
+    drag.sentAt = 0;
     if (drag.moved && !drag.begun && !drag.refused) this.pump();
     if (drag.begun && !drag.refused) this.send({ type: "end" }, drag.points.length ? drag.points : undefined);
     else if (drag.begun) this.send({ type: "hello" });
@@ -983,23 +1043,20 @@ class Studio {
     if (oldest !== undefined && now - oldest > PATIENCE_MS) this.late(true);
     if (this.unread && now - (this.readAt ?? 0) > READ_MS) this.read();
     const step = Math.min(now - (this.before ?? now - 200), 200);
+    this.body.show();
+    this.pump();
     if (drag && this.layout) this.drawOver();
     if (this.body.software && step < (drag ? 140 : 45)) return; // Python needs the processors too
     this.before = now;
     if (!this.still) this.turn = (this.turn + step * 0.0011) % (2 * Math.PI);
     if (!this.fit(step)) return;
-    this.body.draw(this.layout, this.turn, this.dark);
+    this.drawBody();
     if (!drag) this.drawOver();
   }
 
   fit(step) {
     const width = this.stage.clientWidth, height = this.stage.clientHeight;
     if (!width || !height) return false;
-    const ratio = this.body.software ? (this.drag?.begun && !this.drag.rested ? 0.45 : 1) : Math.min(devicePixelRatio || 1, 2);
-    for (const [canvas, r] of [[this.canvas, ratio], [this.over, Math.min(devicePixelRatio || 1, 2)]]) {
-      const [w, h] = [Math.round(width * r), Math.round(height * r)];
-      if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; this.seen = null; }
-    }
     const wheel = Math.max(0.62, this.shape.widest * 1.12, this.shape.foot * 1.2);
     const tall = Math.max(this.shape.tall, 0.9);
     const below = wheel * SIN + 0.09;
@@ -1015,14 +1072,25 @@ class Studio {
     return true;
   }
 
+  drawBody() {
+    const { scale, wheel, x, y, height } = this.layout, { tall, widest } = this.shape;
+    const coarse = this.drag?.begun && !this.drag.rested;
+    const ratio = this.body.software ? (coarse ? 0.45 : 1) : Math.min(devicePixelRatio || 1, 2);
+    const wide = (Math.max(wheel, widest) + 0.01) * scale, high = (tall * COS + widest * SIN + 0.01) * scale;
+    const view = framed(this.layout, ratio, [x - wide, y - high, x + wide, height]);
+    this.body.draw(view, this.turn, this.dark);
+  }
+
   drawOver() {
     // Only where something has changed: composing a page costs more than drawing it.
     const { side, radius, height, size, face } = this.tool, { scale, x, y } = this.layout;
-    const seen = [side, radius, height, size, face, scale, x, y, this.over.width, this.over.height, this.dark,
+    const ratio = Math.min(devicePixelRatio || 1, 2);
+    const seen = [side, radius, height, size, face, scale, x, y, this.layout.width, this.layout.height, ratio, this.dark,
       this.smoothing, this.drag?.kind, this.drag?.begun && this.info.zone].join();
     if (seen === this.seen && this.shape === this.outlined && this.target === this.outlinedTarget) return;
     [this.seen, this.outlined, this.outlinedTarget] = [seen, this.shape, this.target];
-    const c = this.over.getContext("2d"), v = this.layout, ratio = this.over.width / v.width;
+    const v = framed(this.layout, ratio, this.reach()), c = this.over.getContext("2d");
+    fit(this.over, v);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, v.width, v.height);
     const at = (r, y, side = 1) => [v.x + side * r * v.scale, v.y - y * COS * v.scale];
@@ -1042,13 +1110,32 @@ class Studio {
       c.lineWidth = 1.6;
       c.setLineDash([6, 5]);
       c.strokeStyle = this.colours.zone;
-      const points = [];
-      for (let i = 0; i < this.target.length; i += 2) points.push([this.target[i], this.target[i + 1]]);
+      const points = this.target;
       for (const side of [1, -1]) line([[0, points[0][1]], ...points, [0, points.at(-1)[1]]], side);
       c.setLineDash([]);
     }
     this.drawZone(c, line, this.colours.zone);
     this.drawTool(c, at, this.colours.accent);
+  }
+
+  /* What all that is drawn over the body lies within; while dragging all that it has come to. */
+  reach() {
+    const { scale, x, y } = this.layout, corners = this.corners(), target = this.target ?? [[0, 0]];
+    const wide = Math.max(this.shape.widest, ...target.map(([r]) => r));
+    const tall = Math.max(this.shape.tall, ...target.map(([, h]) => h));
+    const across = [-wide, wide, ...corners.map(([r]) => this.tool.side * r)].map((r) => x + r * scale);
+    const down = [0, tall, ...corners.map(([, h]) => h)].map((h) => y - h * COS * scale);
+    const lines = 4, shadow = 14;
+    let box = [Math.min(...across) - lines, Math.min(...down) - lines, Math.max(...across) + lines, Math.max(...down) + shadow];
+    if (this.drag && this.reached) box = box.map((value, i) => Math[i < 2 ? "min" : "max"](value, this.reached[i]));
+    return (this.reached = box);
+  }
+
+  /* The tool's outline, radius and height, from the foot of its face. */
+  corners() {
+    const { radius, height, size, face } = this.tool;
+    return [[radius, height - face / 2], [radius, height + face / 2], [radius + 0.34 * size, height + size / 2],
+      [radius + 1.02 * size, height], [radius + 0.34 * size, height - size / 2]];
   }
 
   drawZone(c, line, colour) {
@@ -1063,10 +1150,9 @@ class Studio {
   }
 
   drawTool(c, at, accent) {
-    const { side, radius, height, size, face } = this.tool;
+    const { side, radius, height, size } = this.tool;
     const smooth = this.drag ? this.drag.kind === "smooth" : this.smoothing;
-    const shape = [[radius, height - face / 2], [radius, height + face / 2], [radius + 0.34 * size, height + size / 2],
-      [radius + 1.02 * size, height], [radius + 0.34 * size, height - size / 2]].map(([r, y]) => at(r, y, side));
+    const shape = this.corners().map(([r, y]) => at(r, y, side));
     const path = () => { c.beginPath(); shape.forEach((p, i) => c[i ? "lineTo" : "moveTo"](...p)); c.closePath(); };
     const [x0] = shape[0], [x1] = shape[3];
     const wood = c.createLinearGradient(0, shape[2][1], 0, shape[4][1]);
