@@ -30,7 +30,7 @@ from jaxclay.numerics.checks import (
 )
 from jaxclay.numerics.distance import farthest
 from jaxclay.numerics.host import is_concrete, kept, pytree
-from jaxclay.numerics.interpolation import Interpolant, interpolant
+from jaxclay.numerics.interpolation import Interpolant, are_nodes, interpolant
 
 NEAR = 1e-5  # of l: how near the slices of a profile are to it, if nobody says
 
@@ -299,8 +299,7 @@ def on_nodes(clay: Clay, nodes: Float[Array, "nodes"]) -> Clay:
     heights, thickness = clay.interpolant.on(nodes)
     edges = clay.edges
     if xp is np:
-        there = nodes[np.minimum(np.searchsorted(nodes, edges[:, 0]), len(nodes) - 1)]
-        edges = edges[there == edges[:, 0]]
+        edges = edges[are_nodes(nodes, edges[:, 0])]
     return unchecked_clay(heights, thickness, clay.r0, clay.unit, nodes, edges)
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from jaxclay.numerics.arrays import Array, Float, Int
+from jaxclay.numerics.arrays import Array, Float, Int, clip
 
 _POINTS_PER_SEGMENT = 4
-_STRIDES = (512, 64, 8, 1)  # every so many points the distance is taken, where it may be largest
+_STRIDES = (64, 8, 1)  # every so many points the distance is taken, where it may be largest
+_ACROSS = _POINTS_PER_SEGMENT + 1
 _PAIRS_AT_ONCE = 200_000
 
 
@@ -30,6 +31,8 @@ def farthest(line: Float[Array, "m 2"], other: Float[Array, "k 2"], limit: float
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     best = 0.0
     for stride in _STRIDES:
+        if stride > 1 and stride**2 > len(points):
+            continue
         some = np.append(np.arange(0, len(points) - 1, stride), len(points) - 1)
         some = some[bound[some] > best]
         if not len(some):
@@ -51,8 +54,11 @@ def nearest(points: Float[Array, "p 2"], other: Float[Array, "k 2"]) -> Float[Ar
 
 def _bound(points: np.ndarray, other: np.ndarray) -> np.ndarray:
     last = len(other) - 2
-    beside = np.clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last)
-    return np.min([distances(points, other, segment) for segment in (beside, 0, last)], axis=0)
+    bound = distances(points, other, clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last))
+    # What lies across either end, as a foot and a lip do, is near the segment there.
+    for part, segment in ((slice(_ACROSS), 0), (slice(-_ACROSS, None), last)):
+        bound[part] = np.minimum(bound[part], distances(points[part], other, segment))
+    return bound
 
 
 def _nearest(points: np.ndarray, other: np.ndarray, bound: np.ndarray) -> np.ndarray:
@@ -78,7 +84,6 @@ def distances(
 ) -> Float[Array, "p"]:
     """(p,) distance of each point (p, 2) to its segment of the polyline."""
     start = line[segment]
-    along, offset = line[np.asarray(segment) + 1] - start, points - start
-    squared = np.maximum((along**2).sum(axis=-1), 1e-300)
-    place = np.clip((offset * along).sum(axis=-1) / squared, 0, 1)
-    return np.linalg.norm(offset - place[:, None] * along, axis=1)
+    (x, y), (along, up) = (points - start).T, (line[np.asarray(segment) + 1] - start).T
+    share = clip((x * along + y * up) / np.maximum(along**2 + up**2, 1e-300), 0.0, 1.0)
+    return np.sqrt((x - share * along) ** 2 + (y - share * up) ** 2)

@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 from browser import browser
+from PIL import Image
 from served import serving
 
 from jaxclay.clay.clay import Clay
@@ -22,6 +23,7 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
   return kind === "webgl2" ? null : get.call(this, kind, ...more);
 };
 """
+NO_RAW_MOVES = "delete HTMLElement.prototype.onpointerrawupdate;"  # as from a host far away
 
 
 @pytest.fixture(scope="module")
@@ -88,11 +90,23 @@ def drag(page, down=0.0, inwards=0.2, shift=False):
     settled(page)
 
 
-@pytest.mark.parametrize("script", ["", UNNAMED, NO_WEBGL], ids=["software", "WebGL2", "2D"])
+def shows_clay(page):
+    """Whether the middle of the stage is of clay's colour and not of the paper behind it."""
+    shown = Image.open(io.BytesIO(page.locator(".stage").screenshot())).convert("RGB")
+    red, _, blue = shown.getpixel((shown.width // 2, shown.height // 2))
+    return red > blue + 40
+
+
+@pytest.mark.parametrize(
+    "script", ["", UNNAMED, NO_WEBGL, NO_RAW_MOVES], ids=["software", "WebGL2", "2D", "far"]
+)
 def test_dragging_shapes_the_clay_and_undo_gives_the_exact_contour_back(tab, host, script):
     page, clay = tab(900, 560, script), host.studio.clay
     drawn = page.evaluate("document.createElement('canvas').getContext('webgl2') !== null")
     assert drawn == (script != NO_WEBGL)
+    raw = page.evaluate("'onpointerrawupdate' in document.querySelector('.stage')")
+    assert raw == (script != NO_RAW_MOVES)
+    assert any(shows_clay(page) for _ in range(50))  # a software renderer takes its time
     shot = page.locator(".stage").screenshot()
     drag(page)
     shaped = host.studio.clay

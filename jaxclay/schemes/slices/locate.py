@@ -21,7 +21,7 @@ import numpy as np
 from jaxclay.model.band import Band, Tool
 from jaxclay.model.material import Material
 from jaxclay.model.side import Side, edge_tension, move_energy, solve_side
-from jaxclay.numerics.arrays import Array, Float, fixed, namespace, repeat
+from jaxclay.numerics.arrays import Array, Float, clip, fixed, namespace, repeat
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.numerics.roots import follow
 from jaxclay.schemes.slices.moments import Moments, moments
@@ -36,14 +36,14 @@ _MARKS = 65  # nodes that a first guess is told from, at most
 _NEWTON = 40
 _NEARLY = 1e-7  # of the reach, that the last but one of the steps changes
 _ROUGHLY = 1e-4  # the same where the search only looks around
-_NOTHING = 1e-10  # of a reach, as a share of the clay: D is rounded to more than that changes
+_SHORT = 1e-3  # of the clay: a shorter reach is as exact as this one, since D is rounded
 _EXACT = 1e-13  # share of the clay
 
 
 class _Sides(NamedTuple):
     """Both sides for bands at many places, leading axis below and above."""
 
-    energy: Array | None
+    energy: Array  # None where it was not asked for
     tension: Array
 
 
@@ -90,7 +90,7 @@ def _solve(
         return xp.where(inside, xp.minimum(xp.maximum(reach - step, 0.0), span), reach)
 
     def changes(reach, new, share):
-        return abs(new - reach) > share * new + _NOTHING
+        return abs(new - reach) > share * (new + _SHORT)
 
     def nearly(reach):
         new = newton(reach)
@@ -113,7 +113,7 @@ def _solve(
     stretch = 1 - sign * sigma * slope
     tension = -stretch * slope * sign * k * sigma
     tension -= k / 2 * (stretch - 1) ** 2 + mu * size
-    energy = None
+    energy: Any = None
     if around:
         m0, m1, m2 = integrals(reached(reach))
         moved = sigma * m0 - rate * m1
@@ -221,7 +221,7 @@ def _range(rest: Interpolant, tool: Tool, material: Material, share):
     thinnest = tool.bottom / material.floor
     deepest = height - (height - tool.top) / material.floor
     marks = xp.stack([tool.bottom, xp.minimum(tool.top, height), thinnest, deepest])
-    one, other, thin, deep = rest.inverse(xp.clip(marks, 0.0, height))
+    one, other, thin, deep = rest.inverse(clip(marks, 0.0, height))
     other = xp.minimum(other, 1 - _LEAST) - share
     low, high = xp.minimum(one, other), xp.maximum(one, other)
     high = xp.minimum(high, xp.where(thinnest < height, thin, 1.0))
@@ -242,7 +242,8 @@ def _cheapest(table: Moments, tool: Tool, material: Material, low, high, share):
     still = fixed(known)
 
     def look(lower, known=still):
-        both = _solve(*known, lower)
+        table, tool, material, share = known
+        both = _solve(table, tool, material, share, lower)
         return both.energy[0] + both.energy[1], slope(both)
 
     def slope(both):

@@ -1093,10 +1093,13 @@ class Studio {
     fit(this.over, v);
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, v.width, v.height);
-    const at = (r, y, side = 1) => [v.x + side * r * v.scale, v.y - y * COS * v.scale];
-    const line = (points, side, joined = () => true) => {
+    const line = (points, joined = () => true) => {
       c.beginPath();
-      points.forEach(([r, y], i) => c[i && joined(i) ? "lineTo" : "moveTo"](...at(r, y, side)));
+      for (const way of [v.scale, -v.scale])
+        points.forEach(([r, h], i) => {
+          if (i && joined(i)) c.lineTo(v.x + way * r, v.y - h * COS * v.scale);
+          else c.moveTo(v.x + way * r, v.y - h * COS * v.scale);
+        });
       c.stroke();
     };
     c.lineJoin = "round";
@@ -1104,18 +1107,34 @@ class Studio {
     const { drawn, hidden } = this.shape;
     for (const faint of [false, true]) {
       c.strokeStyle = `rgba(${this.dark ? "20,12,8" : "70,32,18"},${faint ? 0.16 : 0.5})`;
-      for (const side of [1, -1]) line(drawn, side, (i) => hidden[i] === faint && hidden[i - 1] === faint);
+      line(drawn, (i) => hidden[i] === faint && hidden[i - 1] === faint);
     }
     if (this.target) {
       c.lineWidth = 1.6;
       c.setLineDash([6, 5]);
       c.strokeStyle = this.colours.zone;
-      const points = this.target;
-      for (const side of [1, -1]) line([[0, points[0][1]], ...points, [0, points.at(-1)[1]]], side);
+      line([[0, this.target[0][1]], ...this.target, [0, this.target.at(-1)[1]]]);
       c.setLineDash([]);
     }
     this.drawZone(c, line, this.colours.zone);
-    this.drawTool(c, at, this.colours.accent);
+    const { picture, foot } = this.painted(ratio);
+    c.setTransform(1, 0, 0, 1, 0, 0);
+    c.drawImage(picture, Math.round((v.x + side * radius * v.scale - foot[0]) * ratio),
+      Math.round((v.y - height * COS * v.scale - foot[1]) * ratio));
+  }
+
+  /* The tool as a picture, painted anew only where it looks different, and its place in that. */
+  painted(ratio) {
+    const { side, radius, height, size, face } = this.tool, { scale } = this.layout, { accent } = this.colours, edge = 16;
+    const look = [side, size, face, scale, ratio, accent, Boolean(this.drag), this.drag?.kind ?? this.smoothing].join();
+    if (this.tooled?.look === look) return this.tooled;
+    const picture = document.createElement("canvas"), c = picture.getContext("2d");
+    const wide = 1.02 * size * scale + 2 * edge, tall = size * COS * scale + 2 * edge;
+    [picture.width, picture.height] = [Math.ceil(wide * ratio), Math.ceil(tall * ratio)];
+    const foot = [side > 0 ? edge : wide - edge, tall / 2];
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.drawTool(c, (r, h) => [foot[0] + side * (r - radius) * scale, foot[1] - (h - height) * COS * scale], accent);
+    return (this.tooled = { look, picture, foot });
   }
 
   /* What all that is drawn over the body lies within; while dragging all that it has come to. */
@@ -1145,14 +1164,14 @@ class Studio {
     c.strokeStyle = colour;
     c.globalAlpha = 0.75;
     c.lineWidth = 2.2;
-    for (const side of [1, -1]) if (inside.length > 1) line(inside, side);
+    if (inside.length > 1) line(inside);
     c.globalAlpha = 1;
   }
 
   drawTool(c, at, accent) {
-    const { side, radius, height, size } = this.tool;
+    const { radius, height, size } = this.tool;
     const smooth = this.drag ? this.drag.kind === "smooth" : this.smoothing;
-    const shape = this.corners().map(([r, y]) => at(r, y, side));
+    const shape = this.corners().map(([r, y]) => at(r, y));
     const path = () => { c.beginPath(); shape.forEach((p, i) => c[i ? "lineTo" : "moveTo"](...p)); c.closePath(); };
     const [x0] = shape[0], [x1] = shape[3];
     const wood = c.createLinearGradient(0, shape[2][1], 0, shape[4][1]);
@@ -1197,7 +1216,7 @@ class Studio {
     c.stroke();
     c.fillStyle = smooth ? "#34616a" : "#8a6230";
     c.beginPath();
-    c.arc(...at(radius + 0.62 * size, height, side), Math.max(2.5, 0.032 * size * this.layout.scale), 0, 7);
+    c.arc(...at(radius + 0.62 * size, height), Math.max(2.5, 0.032 * size * this.layout.scale), 0, 7);
     c.fill();
   }
 }
