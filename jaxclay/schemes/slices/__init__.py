@@ -6,7 +6,7 @@ first order in 1/n.  Here nodes lie anywhere, the band's edges are nodes, and th
 differences as a point of its own, with X = x0 and, through the clay under the tool beside it,
 X_u = 0.
 
-``locate``, ``moments``: the band of least E_move on the smooth rest shape.  ``density``, ``nodes``:
-where slices go.  ``weights``: the sums.  ``posing``: the problem.  ``edges``: which edges of
-tools an answer's contour has.
+``locate``, ``sides``, ``moments``: the band of least E_move on the smooth rest shape.  ``density``,
+``nodes``: where slices go.  ``weights``: the sums.  ``posing``: the problem.  ``edges``: which
+edges of tools an answer's contour has.
 """
