@@ -8,7 +8,8 @@ const TILT = 0.19; // radians that the eye looks down
 const [COS, SIN] = [Math.cos(TILT), Math.sin(TILT)];
 const SEGMENTS = 128;
 const MOST_RINGS = 288;
-const LITE_RINGS = 110; // where no GPU helps
+const LITE_RINGS = 110; // where no GPU helps, about
+const CORNER = 6; // rings of a foot or a lip: its middle, and five around it
 const IN_FLIGHT = [[0, 1], [12, 2], [25, 3]]; // requests, from so many ms under way without the solve
 const APART_MS = 12; // from one request to the next: a screen shows no more
 const THINNEST = 0.02;
@@ -153,7 +154,8 @@ out vec3 lit; out vec2 lean; out vec3 skin;
 void main() {
   int ring = int(grid.x);
   vec4 q = texelFetch(profile, ivec2(ring, 0), 0);
-  open = texelFetch(profile, ivec2(ring, 1), 0).x;
+  vec4 more = texelFetch(profile, ivec2(ring, 1), 0); // openness, and how far along the contour
+  open = more.x;
   vec2 a = vec2(cos(grid.y), sin(grid.y));
   place = vec3(q.x * a.x, q.y, q.x * a.y);
   normal = vec3(q.z * a.x, q.w, q.z * a.y);
@@ -166,7 +168,7 @@ void main() {
   vec3 dim = light(n);
   lit = dim * shade;
   lean = vec2(dot(light(normalize(n + vec3(0.0, 0.06, 0.0))) - dim, vec3(0.33)), shine(n)) * shade;
-  skin = vec3((grid.y - atan(turn.y, turn.x)) / 6.2831853, place.y, abs(n.y) > 0.75 ? q.x : place.y);
+  skin = vec3((grid.y - atan(turn.y, turn.x)) / 6.2831853, place.y, more.y);
 #endif
 }`;
 
@@ -266,12 +268,13 @@ function ringsOf(points) {
   const widest = outline.reduce((m, p) => Math.max(m, p[0]), 0);
   const rounded = [];
   const corner = (p, up) => {
-    const b = Math.min(0.014, p[0] * 0.3, tall * 0.1);
-    const arc = [];
+    const b = Math.min(0.014, p[0] * 0.3, tall * 0.1), arc = [];
+    const wall = outline[up ? "findLast" : "find"](([, y]) => Math.abs(y - p[1]) > b) ?? p;
+    const lean = Math.atan2(wall[0] - p[0], Math.abs(wall[1] - p[1]) || 1); // shaded as the wall is there
     for (let i = 0; i <= 4; i++) {
-      const a = (i / 4) * Math.PI / 2;
+      const a = (i / 4) * Math.PI / 2, n = lean + (i / 4) * (Math.PI / 2 - lean);
       arc.push([p[0] - b + b * Math.cos(a), p[1] + (up ? -1 : 1) * (b - b * Math.sin(a)),
-        Math.cos(a), (up ? 1 : -1) * Math.sin(a)]);
+        Math.cos(n), (up ? 1 : -1) * Math.sin(n)]);
     }
     return { arc: up ? arc : arc.reverse(), b };
   };
@@ -406,7 +409,12 @@ class Body {
 
   upload(texture, rings, open) {
     const gl = this.gl, data = new Float32Array(MOST_RINGS * 8);
-    rings.forEach((ring, i) => { data.set(ring, 4 * i); data[4 * (MOST_RINGS + i)] = open ? open[i] : 1; });
+    let along = 0;
+    rings.forEach((ring, i) => {
+      if (i) along += Math.hypot(ring[0] - rings[i - 1][0], ring[1] - rings[i - 1][1]);
+      data.set(ring, 4 * i);
+      data.set([open ? open[i] : 1, along], 4 * (MOST_RINGS + i));
+    });
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, MOST_RINGS, 2, gl.RGBA, gl.FLOAT, data);
   }
@@ -414,7 +422,7 @@ class Body {
   take(shape) {
     this.shape = shape;
     const apart = this.software ? Math.ceil(shape.rings.length / LITE_RINGS) : 1;
-    const kept = (ring, i) => i % apart === 0 || i === shape.rings.length - 1;
+    const kept = (ring, i) => i % apart === 0 || Math.min(i, shape.rings.length - 1 - i) < CORNER;
     this.rings = shape.rings.filter(kept);
     if (this.gl && this.ready) this.upload(this.clay, this.rings, shape.open.filter(kept));
   }
