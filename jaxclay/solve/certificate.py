@@ -27,8 +27,12 @@ from jaxclay.schemes.base import DECREMENT, SMALL, AnyDisplaced, Forces, Newtoni
 
 STEP = 1e-6  # accepted distance to the local model's minimum, over the unit l
 _STILL = 1e-12  # over the unit l: clay that rests
-_AT_REST = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 _PENALTY = 1e4  # over the Hessian's entry there: more would drown the others' in rounding
+_FIRMLY = (0.0, 1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+# So gently that the rounding of gradients on fine slices, many times the limit of friction, is left
+# to the Hessian, which is stiff in it: clipped at the limit, it would push all the clay.
+_GENTLY, _GENTLE = (1e-14, 1e-12, 1e-10, 1e-8, 1e-6), 1e-6
+_AT_REST = (*_FIRMLY, *_GENTLY)
 _TURNS = 7  # for each pair of forces, of which all but the last read it off
 _LAST = _TURNS * (2 + len(_AT_REST))
 _AT_BOUND = 1e-9  # slack over rest thickness below which the lower bound may push
@@ -143,7 +147,8 @@ class Search(NamedTuple):
 
     Tried are the method's own; its friction with the lower bound's forces z read off; and for
     each threshold h mu sign(d) beyond it, with what holds the clay within and z read off.  Such
-    forces are those that stiff penalties need to keep all in place (method of multipliers).
+    forces are those that penalties need to keep all in place (method of multipliers), first firm
+    ones, then gentle ones.
     Where H is indefinite clay that rests with friction to spare, and slices that the lower bound
     pushes on, which cannot get thinner, may be held by penalties.
 
@@ -201,6 +206,12 @@ class Search(NamedTuple):
         """(m,) where this pair takes clay to rest, and its friction has to be read off."""
         return abs(point.shift) <= jnp.asarray((-1.0, -1.0, *_AT_REST))[self.pair]
 
+    @property
+    def penalty(self) -> Array:
+        """What holds clay that rests, over the Hessian's entry there."""
+        gently = self.reads & (self.pair >= 2 + len(_FIRMLY))
+        return jnp.where(gently, _GENTLE, _PENALTY)
+
     def forces(self, problem: Newtonian, point: AnyDisplaced, own: Forces) -> Forces:
         """The pair of this turn, as far as it is read off."""
         limit, stays, begun = problem.friction_limit, self.stays(point), self.reading > 0
@@ -234,7 +245,7 @@ def asked(
     rests = search.stays(point) & (search.reads | (spare & (abs(point.shift) <= _STILL)))
     held = (search.reads | search.held) & at_lower_bound(problem, point)
     of_friction, of_floor = problem.own_stiffness(model.bands)
-    penalties = _PENALTY * held * of_floor, _PENALTY * rests * of_friction
+    penalties = _PENALTY * held * of_floor, search.penalty * rests * of_friction
     none = jnp.zeros(())
     return Pull(*penalties, none, none, r, search.energy_free, 0 * of_floor), forces
 
