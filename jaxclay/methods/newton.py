@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.methods.base import Method, State, check_setting
-from jaxclay.numerics.arrays import Array, clip, namespace
+from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_concrete, pytree
 from jaxclay.schemes.base import SMALL, AnyDisplaced, Forces, Newtonian, Pull, no_forces
 
@@ -92,7 +92,7 @@ def resume(
     point, limit = _interior(problem, start), problem.friction_limit
     eps = xp.where(warm, _WARM_EPS, _FIRST_EPS)
     fitting = limit * point.shift / xp.sqrt(point.shift**2 + eps**2)
-    lam = xp.where(warm, clip(forces.friction, -limit, limit), fitting)
+    lam = xp.where(warm, xp.clip(forces.friction, -limit, limit), fitting)
     energy = problem.free_smooth(point) + limit @ abs(point.shift)
     # A jump of radius makes the Hessian indefinite: Gauss and Newton's goes first.
     memory = Memory(eps, xp.where(warm, _WARM_GAIN, 1.0) * energy, 1.0 + 0.0 * energy)

@@ -21,17 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import (
-    Array,
-    Bool,
-    Float,
-    Scalar,
-    clip,
-    fixed,
-    iterate,
-    namespace,
-    repeat,
-)
+from jaxclay.numerics.arrays import Array, Bool, Float, Scalar, fixed, iterate, namespace, repeat
 
 _MOST_STEPS = 60
 _CLOSE = 1e-13
@@ -287,9 +277,9 @@ def _pieces(side: Side, material: Material, sigma: Array) -> _Pieces:
     compressed = _along(side.displacement) > 0
     cap = xp.where(compressed, (1 - material.floor) / side.slope, 0.0)
     begins = _divide(edge - cap, fall, xp.where(edge > cap, xp.inf, -xp.inf))
-    saturated = xp.where(compressed, clip(begins, 0.0, side.width), 0.0)
+    saturated = xp.where(compressed, xp.clip(begins, 0.0, side.width), 0.0)
     vanishes = _divide(edge, fall, xp.where(edge > 0, xp.inf, -xp.inf))
-    end = clip(vanishes, saturated, side.width)
+    end = xp.clip(vanishes, saturated, side.width)
     return _Pieces(cap, saturated, end - saturated, edge - fall * saturated, edge - fall * end)
 
 

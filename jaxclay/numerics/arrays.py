@@ -85,12 +85,6 @@ def pick(values: Any, index: Any) -> Any:
     return values.at[..., index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
-def clip(value: Any, low: Any, high: Any) -> Any:
-    """Kept between two bounds: what ``clip`` does, in a tenth of its time on the host."""
-    xp = namespace(value, low, high)
-    return xp.minimum(xp.maximum(value, low), high)
-
-
 def repeat(steps: int, body: Callable[[T], T], carry: T) -> T:
     """``carry`` after ``steps`` times ``body``; on the host fewer where it has settled."""
     if namespace(carry) is jnp:

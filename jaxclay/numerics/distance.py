@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jaxclay.numerics.arrays import Array, Float, Int, clip
+from jaxclay.numerics.arrays import Array, Float, Int
 
 _POINTS_PER_SEGMENT = 4
 _STRIDES = (64, 8, 1)  # every so many points the distance is taken, where it may be largest
@@ -54,7 +54,8 @@ def nearest(points: Float[Array, "p 2"], other: Float[Array, "k 2"]) -> Float[Ar
 
 def _bound(points: np.ndarray, other: np.ndarray) -> np.ndarray:
     last = len(other) - 2
-    bound = distances(points, other, clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last))
+    beside = np.clip(np.searchsorted(other[:, 1], points[:, 1]) - 1, 0, last)
+    bound = distances(points, other, beside)
     # What lies across either end, as a foot and a lip do, is near the segment there.
     for part, segment in ((slice(_ACROSS), 0), (slice(-_ACROSS, None), last)):
         bound[part] = np.minimum(bound[part], distances(points[part], other, segment))
@@ -85,5 +86,5 @@ def distances(
     """(p,) distance of each point (p, 2) to its segment of the polyline."""
     start = line[segment]
     (x, y), (along, up) = (points - start).T, (line[np.asarray(segment) + 1] - start).T
-    share = clip((x * along + y * up) / np.maximum(along**2 + up**2, 1e-300), 0.0, 1.0)
+    share = np.clip((x * along + y * up) / np.maximum(along**2 + up**2, 1e-300), 0.0, 1.0)
     return np.sqrt((x - share * along) ** 2 + (y - share * up) ** 2)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, clip, fixed, namespace, pick
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, fixed, namespace, pick
 
 _NEIGHBOURS = 5  # nodes that a slope is taken from
 _LEAST, _MOST = 0.05, 2.5  # of a slice's own slope: what a cubic piece may have at its ends
@@ -105,7 +105,7 @@ class Interpolant(NamedTuple):
         # One step makes it exact, two carry the derivatives of the inverse, up to the third.
         s = fixed(newton(fixed(xp.where(wanted > 0, low + 0.5 / _CUTS**2, 0.0))))
         s = newton(newton(s))
-        s = xp.where(wanted > 0, clip(s, 0.0, 1.0), 0.0)
+        s = xp.where(wanted > 0, xp.clip(s, 0.0, 1.0), 0.0)
         return piece[0] + s * piece[1]
 
     def on(self, u: Float[Array, "m"]) -> tuple[Float[Array, "m"], Float[Array, "m-1"]]:
@@ -185,7 +185,7 @@ def interpolant(
         start = xp.where(broken[:-1], ((r0 / edges[last, 1]) ** 2)[:-1], start)
         stop = xp.where(broken[1:], ((r0 / edges[first, 1]) ** 2)[1:], stop)
     least, most = _LEAST * mean, _MOST * mean
-    start, stop = clip(start, least, most), clip(stop, least, most)
+    start, stop = xp.clip(start, least, most), xp.clip(stop, least, most)
     return _cubics(nodes, heights, thickness, start, stop)
 
 
@@ -236,7 +236,7 @@ def _ends(nodes: Array, heights: Array, broken: Array | None) -> tuple[Array, Ar
 
 def _slopes(xp, nodes: Array, heights: Array, at: Array, low: Array, high: Array) -> Array:
     """Y_u at the nodes ``at`` from the nearest of the nodes low .. high, all (m,) indices."""
-    first = clip(at - _NEIGHBOURS // 2, low, xp.maximum(high - _NEIGHBOURS + 1, low))
+    first = xp.clip(at - _NEIGHBOURS // 2, low, xp.maximum(high - _NEIGHBOURS + 1, low))
     places = first[:, None] + xp.arange(_NEIGHBOURS)
     used = places <= high[:, None]
     places = xp.minimum(places, high[:, None])

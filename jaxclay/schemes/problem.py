@@ -11,7 +11,7 @@ from jaxclay.clay.clay import Clay, unchecked_clay
 from jaxclay.model.band import Band, Rest, Tool
 from jaxclay.model.energy import Samples, Terms, integrate, integrate_smooth
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, clip, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, Int, Scalar, namespace
 from jaxclay.numerics.host import kept, pytree
 from jaxclay.schemes import sums
 from jaxclay.schemes.folding import system_of
@@ -144,7 +144,7 @@ class Problem:
 
         def outside(edge: Array, i: Array, step: int) -> Array:
             """The radius beside the band; without smoothing it need not be the tool's."""
-            near, far = (clip(i + j * step, 0, self.slices - 1) for j in (0, 1))
+            near, far = (xp.clip(i + j * step, 0, self.slices - 1) for j in (0, 1))
             share = (edge - middle[near]) / xp.where(far == near, 1.0, middle[near] - middle[far])
             beyond = xp.maximum(X[near] + share * (X[near] - X[far]), X[near] / 2)
             return xp.where(smooth | self.banded[near], radius, beyond)

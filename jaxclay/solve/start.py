@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from jaxclay.methods.loop import Start, initial_guess
-from jaxclay.numerics.arrays import Array, clip, namespace
+from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.host import is_transformed
 from jaxclay.schemes.base import lifted
 from jaxclay.schemes.problem import Problem
@@ -77,7 +77,7 @@ def rounded(problem: Problem, point: Displaced) -> Displaced:
     smooth = (m.alpha > 0) | (m.beta > 0)
 
     def bump(edge: Array, inner: Array, outer: Array, side: Array) -> Array:
-        inner, outer = (clip(i, 0, n - 1) for i in (inner, outer))
+        inner, outer = (xp.clip(i, 0, n - 1) for i in (inner, outer))
         length = layer_of(slope[outer], rest.r0, m)
         x = abs(middle - edge) / length
         return (side & smooth) * (stretch[inner] - stretch[outer]) * (1 - x) * xp.exp(-x)

@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxclay.model.band import Band
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, clip, namespace
+from jaxclay.numerics.arrays import Array, namespace
 from jaxclay.numerics.interpolation import Interpolant, last_before
 
 _SMOOTHED = 1
@@ -147,7 +147,7 @@ def layer_of(slope: Array, r0: Array, material: Material) -> Array:
     a, b = (xp.where(v > 0, v * c, 1.0) for v in (material.alpha, material.beta))
     la = xp.where(material.alpha > 0, a**0.5, 0.0)
     lb = xp.where(material.beta > 0, b**0.25, 0.0)
-    return clip(xp.maximum(la, lb), _THINNEST_LAYER, 1.0)
+    return xp.clip(xp.maximum(la, lb), _THINNEST_LAYER, 1.0)
 
 
 def after_solving(

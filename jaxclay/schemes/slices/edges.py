@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from jaxclay.clay.clay import Clay, unchecked_clay
-from jaxclay.numerics.arrays import Array, Float, clip
+from jaxclay.numerics.arrays import Array, Float
 from jaxclay.numerics.interpolation import are_nodes
 from jaxclay.schemes.problem import Problem
 
@@ -25,7 +25,7 @@ def with_edges(clay: Clay, problem: Problem, shift: Float[Array, "{clay.slices}+
     old = before.edges[(before.edges[:, 0] < low) | (before.edges[:, 0] > high)]
     old = old[are_nodes(clay.material, old[:, 0])]
     node = np.searchsorted(clay.material, old[:, 0])
-    around = [shift[clip(node + i, 0, clay.slices)] == 0 for i in (-1, 0, 1)]
+    around = [shift[np.clip(node + i, 0, clay.slices)] == 0 for i in (-1, 0, 1)]
     rests = np.all(around, axis=0)
     kept = old[rests]
     if problem.material.alpha == 0 and problem.material.beta == 0:
@@ -56,7 +56,7 @@ def _beside(clay: Clay, node: int, way: int) -> float:
     """The radius beside a node, from the two slices below (way -1) or above it."""
     X, middle = clay.radii, (clay.material[1:] + clay.material[:-1]) / 2
     near = node if way > 0 else node - 1
-    far = int(clip(near + way, 0, clay.slices - 1))
+    far = int(np.clip(near + way, 0, clay.slices - 1))
     if far == near:
         return float(X[near])
     share = (clay.material[node] - middle[near]) / (middle[near] - middle[far])

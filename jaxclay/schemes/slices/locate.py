@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxclay.model.band import Band, Tool
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, Float, clip, fixed, namespace
+from jaxclay.numerics.arrays import Array, Float, fixed, namespace
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.numerics.roots import follow
 from jaxclay.schemes.slices.moments import Moments, moments
@@ -68,7 +68,7 @@ def _range(rest: Interpolant, tool: Tool, material: Material, share):
     thinnest = tool.bottom / material.floor
     deepest = height - (height - tool.top) / material.floor
     marks = xp.stack([tool.bottom, xp.minimum(tool.top, height), thinnest, deepest])
-    one, other, thin, deep = rest.inverse(clip(marks, 0.0, height))
+    one, other, thin, deep = rest.inverse(xp.clip(marks, 0.0, height))
     other = xp.minimum(other, 1 - _LEAST) - share
     low, high = xp.minimum(one, other), xp.maximum(one, other)
     high = xp.minimum(high, xp.where(thinnest < height, thin, 1.0))

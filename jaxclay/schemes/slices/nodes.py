@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxclay.clay.clay import Clay
 from jaxclay.model.band import Band
-from jaxclay.numerics.arrays import Array, clip, fixed, namespace, repeat
+from jaxclay.numerics.arrays import Array, fixed, namespace, repeat
 from jaxclay.schemes.slices.density import Density
 
 IN_BAND, BESIDE = 2, 4  # least slices under the tool and on a side
@@ -125,7 +125,7 @@ def _equidistributed(density: Density, cuts, below, share: list, free: list[int]
 
     if xp is np:
         first = _looked_up(density, cuts, wanted)
-        places = clip(newton(clip(newton(first), low, high)), low, high)
+        places = np.clip(newton(np.clip(newton(first), low, high)), low, high)
     else:
         low, high = repeat(_CUTS, cut, fixed((low, high)))
         # Two steps carry the derivatives of the places, up to the third.
@@ -147,7 +147,7 @@ def _shared(slices: int, found: list[Stretch], parts: np.ndarray) -> list[int]:
     least = np.array([stretch.least for stretch in found])
     most = np.array([stretch.most for stretch in found])
     parts = np.maximum(parts, 1e-12)
-    counts = clip(np.floor(parts / parts.sum() * slices), least, most)
+    counts = np.clip(np.floor(parts / parts.sum() * slices), least, most)
     while counts.sum() < slices:
         counts[np.argmax(np.where(counts < most, parts / (counts + 0.5), -1.0))] += 1
     while counts.sum() > slices:

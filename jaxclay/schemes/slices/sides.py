@@ -21,7 +21,7 @@ import numpy as np
 from jaxclay.model.band import Tool
 from jaxclay.model.material import Material
 from jaxclay.model.side import Side, edge_tension, move_energy, solve_side
-from jaxclay.numerics.arrays import Array, Float, clip, fixed, namespace, repeat
+from jaxclay.numerics.arrays import Array, Float, fixed, namespace, repeat
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.slices.moments import Moments
 
@@ -67,7 +67,8 @@ class _FromEdge(NamedTuple):
 
     def upto(self, reach: Array) -> Array:
         """The integrals of u^j Y0_u^2 from 0 to where clay moves."""
-        return self.table.upto(clip(self.edge + _WAY * reach, 0.0, 1.0))
+        xp = namespace(self.edge, reach)
+        return self.table.upto(xp.clip(self.edge + _WAY * reach, 0.0, 1.0))
 
     def displaced(self, reach: Array) -> tuple[Array, Array]:
         """D over mu/k where the push falls to 0 at the reach, and its derivative."""
@@ -124,7 +125,7 @@ def _reach(beside: _FromEdge, wanted: Array, inside: Array, end: tuple[Array, Ar
     def newton(reach):
         value, growth = beside.displaced(reach)
         step = (value - wanted) / xp.where(inside & (growth > 0), growth, 1.0)
-        return xp.where(inside, clip(reach - step, 0.0, span), reach)
+        return xp.where(inside, xp.clip(reach - step, 0.0, span), reach)
 
     def changes(reach, new, share):
         return abs(new - reach) > share * (new + _SHORT)

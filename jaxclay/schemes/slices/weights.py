@@ -19,7 +19,7 @@ import numpy as np
 from jaxclay.model.band import Band, Tool
 from jaxclay.model.energy import Terms
 from jaxclay.model.material import Material
-from jaxclay.numerics.arrays import Array, Bool, Float, clip, namespace
+from jaxclay.numerics.arrays import Array, Bool, Float, namespace
 from jaxclay.numerics.interpolation import Interpolant
 from jaxclay.schemes.sums import Sums
 
@@ -86,7 +86,7 @@ def band_terms(rest: Interpolant, r0, tool: Tool, material: Material, band: Band
     share = xp.arange(_PARTS) / _PARTS
     step = rest.nodes[1:] - rest.nodes[:-1]
     u = (rest.nodes[:-1, None] + step[:, None] * share).reshape(-1)
-    u = clip(xp.concatenate([u, rest.nodes[-1:]]), band.lower, band.upper)
+    u = xp.clip(xp.concatenate([u, rest.nodes[-1:]]), band.lower, band.upper)
     u = np.unique(u) if xp is np else u
     part = u[1:] - u[:-1]
     slope = rest.slope(u[:-1, None] + part[:, None] * (1 + _PLACES) / 2)

@@ -272,9 +272,9 @@ function ringsOf(points) {
     const wall = outline[up ? "findLast" : "find"](([, y]) => Math.abs(y - p[1]) > b) ?? p;
     const lean = Math.atan2(wall[0] - p[0], Math.abs(wall[1] - p[1]) || 1); // shaded as the wall is there
     for (let i = 0; i <= 4; i++) {
-      const a = (i / 4) * Math.PI / 2, n = lean + (i / 4) * (Math.PI / 2 - lean);
+      const a = (i / 4) * Math.PI / 2, turned = lean + (i / 4) * (Math.PI / 2 - lean);
       arc.push([p[0] - b + b * Math.cos(a), p[1] + (up ? -1 : 1) * (b - b * Math.sin(a)),
-        Math.cos(n), (up ? 1 : -1) * Math.sin(n)]);
+        Math.cos(turned), (up ? 1 : -1) * Math.sin(turned)]);
     }
     return { arc: up ? arc : arc.reverse(), b };
   };
